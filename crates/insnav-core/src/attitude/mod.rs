@@ -1,0 +1,9 @@
+//! Attitude: rotation vectors, quaternions and Euler angles.
+//!
+//! `q_nb` turns body components into navigation components, `v_n = q_nb * v_b`; letters cancel.
+
+mod euler;
+mod so3;
+
+pub use euler::{Euler, wrap_angle};
+pub use so3::{exp, left_jacobian, log, skew};

@@ -1,0 +1,139 @@
+//! Settings of a run, in the units of data sheets; every key carries its unit.
+//!
+//! One schema for Rust, the command line (TOML) and Python. Absent means "choose": what was chosen is reported.
+
+use crate::imu::{ImuGrade, ImuNoise};
+use serde::{Deserialize, Serialize};
+
+/// All settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// The inertial unit.
+    pub imu: ImuConfig,
+    /// The GNSS receiver.
+    pub gnss: GnssConfig,
+    /// What carries them.
+    pub vehicle: VehicleConfig,
+    /// Noise of the inertial unit, where it is known better than by its grade.
+    pub noise: NoiseConfig,
+    /// Start.
+    pub alignment: AlignmentConfig,
+    /// Output.
+    pub output: OutputConfig,
+}
+
+/// `[imu]`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuConfig {
+    /// Class of the unit; absent: picked from the log's own noise.
+    pub grade: Option<ImuGrade>,
+    /// Roll, pitch, yaw of the unit's axes against the vehicle's (forward-right-down), degrees, 3-2-1.
+    pub mounting_rpy_deg: [f64; 3],
+}
+
+/// `[gnss]`
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GnssConfig {
+    /// Antenna from the IMU, forward-right-down, m; absent: taken from the log's transforms, else zero.
+    pub lever_arm_b_m: Option<[f64; 3]>,
+    /// Least standard deviation of a position component that is believed, m.
+    pub sigma_floor_m: f64,
+    /// Least standard deviation of a velocity component that is believed, m/s.
+    pub velocity_sigma_floor_m_per_s: f64,
+    /// Factor on stated position sigmas.
+    pub sigma_scale: f64,
+    /// Seconds added to IMU stamps to meet the clock of GNSS positions.
+    pub time_offset_s: f64,
+    /// How much later than its position's a receiver's velocity is stamped, s.
+    pub velocity_lag_s: f64,
+}
+
+impl Default for GnssConfig {
+    fn default() -> Self {
+        GnssConfig {
+            lever_arm_b_m: None,
+            // A carrier-phase fix is good to a centimetre and its antenna sways against the IMU by about as much.
+            sigma_floor_m: 0.01,
+            velocity_sigma_floor_m_per_s: 0.02,
+            sigma_scale: 1.0,
+            time_offset_s: 0.0,
+            velocity_lag_s: 0.0,
+        }
+    }
+}
+
+/// What carries the unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VehicleKind {
+    /// Moves where its nose points, so that course gives heading.
+    #[default]
+    Car,
+    /// May move in any direction: course says nothing about heading.
+    Any,
+}
+
+/// `[vehicle]`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VehicleConfig {
+    /// Kind.
+    pub kind: VehicleKind,
+}
+
+/// `[noise]`: overrides of the grade, each alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseConfig {
+    /// Gyro white noise, °/√h.
+    pub gyro_arw_deg_per_sqrt_hour: Option<f64>,
+    /// Accelerometer white noise, m/s/√h.
+    pub accel_vrw_m_per_s_per_sqrt_hour: Option<f64>,
+    /// Gyro bias, steady-state sigma of its Gauss–Markov process, °/h.
+    pub gyro_bias_deg_per_hour: Option<f64>,
+    /// Accelerometer bias, likewise, mg.
+    pub accel_bias_mg: Option<f64>,
+    /// Correlation time of the gyro bias, s.
+    pub gyro_bias_tau_s: Option<f64>,
+    /// Correlation time of the accelerometer bias, s.
+    pub accel_bias_tau_s: Option<f64>,
+}
+
+impl NoiseConfig {
+    /// The noise of a grade with these overrides.
+    pub fn over(&self, grade: ImuGrade) -> ImuNoise {
+        let _ = grade;
+        todo!()
+    }
+}
+
+/// `[alignment]`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AlignmentConfig {
+    /// Heading at the first sample, degrees clockwise from true north; absent: from the GNSS course.
+    pub heading_deg: Option<f64>,
+    /// Its standard deviation, degrees; absent: 5.
+    pub heading_sigma_deg: Option<f64>,
+}
+
+/// `[output]`
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputConfig {
+    /// Epochs per second; 0: at every inertial sample.
+    pub rate_hz: f64,
+    /// Point of the solution from the IMU, forward-right-down, m.
+    pub lever_arm_b_m: [f64; 3],
+    /// Origin of the map (latitude, longitude in degrees, height in metres); absent: the first fix.
+    pub origin: Option<[f64; 3]>,
+}
+
+impl Default for OutputConfig {
+    fn default() -> Self {
+        OutputConfig { rate_hz: 50.0, lever_arm_b_m: [0.0; 3], origin: None }
+    }
+}

@@ -1,0 +1,5 @@
+//! The error-state filter.
+
+mod update;
+
+pub use update::{Update, Verdict};

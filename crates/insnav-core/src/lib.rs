@@ -1,0 +1,14 @@
+//! The navigation core of insnav.
+#![cfg_attr(not(feature = "std"), no_std)]
+
+pub mod alignment;
+pub mod attitude;
+pub mod config;
+pub mod earth;
+pub mod error;
+pub mod filter;
+pub mod imu;
+pub mod mechanization;
+pub mod sample;
+pub mod solution;
+pub mod time;

@@ -1,0 +1,121 @@
+//! What comes out of a navigator: epochs, updates and events, given to a sink.
+
+use crate::alignment::Alignment;
+use crate::attitude::Euler;
+use crate::filter::Update;
+use crate::imu::ImuErrors;
+use crate::mechanization::NavState;
+use crate::time::Time;
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Whether the body moves or stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Motion {
+    /// Under way, or not known to stand.
+    Moving,
+    /// Standing since an instant.
+    Stationary {
+        /// Begin of the stop.
+        since: Time,
+    },
+}
+
+/// The solution at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Epoch {
+    /// Position (of the IMU), velocity, attitude and time.
+    pub nav: NavState,
+    /// Turn rate of the body against n, ω_nb resolved in b, rad/s.
+    pub rate_b: Vector3<f64>,
+    /// Sensor errors as estimated.
+    pub imu_errors: ImuErrors,
+    /// Whether the body moves or stands.
+    pub motion: Motion,
+    /// Covariance of the base states in the order position (m, NED), velocity (m/s, NED), attitude (rad, NED),
+    /// gyro bias (rad/s, body), accelerometer bias (m/s², body).
+    pub covariance: SMatrix<f64, 15, 15>,
+}
+
+impl Epoch {
+    /// Covariance of the position, NED, m².
+    pub fn position_covariance_n(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// Covariance of the velocity, NED, m²/s².
+    pub fn velocity_covariance_n(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(3, 3).into_owned()
+    }
+
+    /// Covariance of the attitude as a small rotation in NED, rad².
+    pub fn attitude_covariance_n(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(6, 6).into_owned()
+    }
+
+    /// Roll, pitch, heading.
+    pub fn euler(&self) -> Euler {
+        Euler::from_quaternion(&self.nav.q_nb)
+    }
+
+    /// Standard deviation of the heading as a rotation about Down, rad.
+    pub fn heading_sigma(&self) -> f64 {
+        self.covariance[(8, 8)].max(0.0).sqrt()
+    }
+}
+
+/// Something worth telling that is neither an epoch nor an update.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Event {
+    /// The run began.
+    Started(Alignment),
+    /// The inertial data have a hole that was bridged with widened uncertainty.
+    ImuGap {
+        /// Last sample before.
+        from: Time,
+        /// First sample after.
+        to: Time,
+    },
+    /// An aiding sample came when the filter was already past it, and was not used.
+    TooLate {
+        /// Its stamp.
+        time: Time,
+        /// Where the filter was.
+        filter: Time,
+    },
+    /// An inertial sample with a stamp that was already there, and was not used.
+    DuplicateImu {
+        /// The stamp.
+        time: Time,
+    },
+    /// A sample with NaN or infinity in it was not used.
+    NotFinite {
+        /// Its stamp.
+        time: Time,
+        /// Which kind.
+        what: &'static str,
+    },
+}
+
+/// Takes what a navigator produces. Every method has an empty default: implement what is wanted.
+pub trait Sink {
+    /// Whether an epoch at this instant is wanted; asked at every inertial sample, so a sink decimates here at no cost.
+    fn wants_epoch(&mut self, _time: Time) -> bool {
+        true
+    }
+    /// The solution at an inertial sample.
+    fn epoch(&mut self, _epoch: &Epoch) {}
+    /// A measurement was looked at.
+    fn update(&mut self, _update: &Update) {}
+    /// Something happened.
+    fn event(&mut self, _event: &Event) {}
+}
+
+/// A sink that drops everything.
+impl Sink for () {
+    fn wants_epoch(&mut self, _time: Time) -> bool {
+        false
+    }
+}
