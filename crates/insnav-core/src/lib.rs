@@ -9,6 +9,8 @@ pub mod error;
 pub mod filter;
 pub mod imu;
 pub mod mechanization;
+#[cfg(feature = "std")]
+pub mod metrics;
 pub mod sample;
 pub mod solution;
 pub mod time;

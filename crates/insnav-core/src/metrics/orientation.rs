@@ -1,0 +1,117 @@
+//! Orientation errors as the BROAD benchmark defines them ([Laidig21] section 4.3).
+
+use super::errors::rms;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+use serde::Serialize;
+
+/// Errors of an orientation against an optical one, no alignment between them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OrientationErrors {
+    /// Root mean square of the whole angle 2 acos|w|, degrees.
+    pub total_rmse_deg: Option<f64>,
+    /// Of the part about the vertical, 2 atan|z/w|.
+    pub heading_rmse_deg: Option<f64>,
+    /// Of the part about the horizontal, 2 acos √(w² + z²).
+    pub inclination_rmse_deg: Option<f64>,
+    /// Share of errors inside the 95 % ellipsoid of the stated covariance (three degrees of freedom).
+    pub coverage_95: Option<f64>,
+}
+
+/// 95 % quantile of the chi-square distribution with three degrees of freedom.
+const CHI_SQUARE_3_95: f64 = 7.814_728;
+
+/// Body forward-right-down to NED, turned into body forward-left-up to ENU: the axes of BROAD.
+pub fn to_enu_flu(q_nb: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    let half = core::f64::consts::FRAC_1_SQRT_2;
+    // NED → ENU is half a turn about the horizontal diagonal; FRD → FLU half a turn about forward.
+    let enu_ned = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));
+    let frd_flu = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0));
+    enu_ned * q_nb * frd_flu
+}
+
+/// Errors of pairs (estimate, reference), both sensor to ENU, with the covariance of the estimate as a small rotation in
+/// those earth axes (rad²) where there is one.
+pub fn orientation_errors(
+    pairs: &[(
+        UnitQuaternion<f64>,
+        UnitQuaternion<f64>,
+        Option<Matrix3<f64>>,
+    )],
+) -> OrientationErrors {
+    let errors: Vec<UnitQuaternion<f64>> =
+        pairs.iter().map(|(e, r, _)| e * r.conjugate()).collect();
+    let of =
+        |angle: fn(&UnitQuaternion<f64>) -> f64| rms(errors.iter().map(angle)).map(f64::to_degrees);
+    let inside: Vec<bool> = errors
+        .iter()
+        .zip(pairs)
+        .filter_map(|(e, (_, _, covariance))| {
+            let phi = crate::attitude::log(e);
+            Some(phi.dot(&(*covariance)?.cholesky()?.solve(&phi)) <= CHI_SQUARE_3_95)
+        })
+        .collect();
+    OrientationErrors {
+        total_rmse_deg: of(|q| 2.0 * q.w.abs().min(1.0).acos()),
+        heading_rmse_deg: of(|q| 2.0 * q.k.abs().atan2(q.w.abs())),
+        inclination_rmse_deg: of(|q| 2.0 * q.w.hypot(q.k).min(1.0).acos()),
+        coverage_95: (!inside.is_empty())
+            .then(|| inside.iter().filter(|&&i| i).count() as f64 / inside.len() as f64),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::{Euler, exp};
+    use nalgebra::Vector3;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    #[test]
+    fn heading_and_inclination_split_the_total() {
+        let reference = exp(&Vector3::new(0.4, -1.2, 0.3));
+        let (heading, inclination) = (0.2_f64, 0.1_f64);
+        let error = exp(&Vector3::new(0.0, 0.0, heading))
+            * exp(&Vector3::new(0.6 * inclination, 0.8 * inclination, 0.0));
+        let e = orientation_errors(&[(error * reference, reference, None)]);
+        assert!((e.heading_rmse_deg.unwrap().to_radians() - heading).abs() < 1e-9);
+        assert!((e.inclination_rmse_deg.unwrap().to_radians() - inclination).abs() < 1e-9);
+        // cos(total/2) = cos(heading/2) cos(inclination/2), for the two axes are at right angles.
+        let total = 2.0 * ((heading / 2.0).cos() * (inclination / 2.0).cos()).acos();
+        assert!((e.total_rmse_deg.unwrap().to_radians() - total).abs() < 1e-9);
+        assert_eq!(e.coverage_95, None);
+    }
+
+    #[test]
+    fn axes_of_the_benchmark() {
+        // Level and looking east: FLU x is E (1,0,0), y is N, z is U.
+        let q = to_enu_flu(&Euler::from_degrees(0.0, 0.0, 90.0).to_quaternion());
+        assert!((q * Vector3::x() - Vector3::x()).norm() < 1e-12);
+        assert!((q * Vector3::y() - Vector3::y()).norm() < 1e-12);
+        assert!((q * Vector3::z() - Vector3::z()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_95_percent_ellipsoid_holds_95_percent() {
+        let mut random = Pcg64::new(3, 4);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let sigma = Vector3::new(0.01, 0.02, 0.05);
+        let n = 4000;
+        let pairs: Vec<_> = (0..n)
+            .map(|_| {
+                let r = exp(&Vector3::new(normal(), normal(), normal()));
+                let e = exp(&sigma.component_mul(&Vector3::new(normal(), normal(), normal())));
+                (
+                    e * r,
+                    r,
+                    Some(Matrix3::from_diagonal(&sigma.component_mul(&sigma))),
+                )
+            })
+            .collect();
+        let got = orientation_errors(&pairs).coverage_95.unwrap();
+        assert!(
+            (got - 0.95).abs() < 3.0 * (0.95 * 0.05 / f64::from(n)).sqrt(),
+            "{got}"
+        );
+    }
+}
