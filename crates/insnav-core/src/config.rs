@@ -134,6 +134,10 @@ pub struct OutputConfig {
 
 impl Default for OutputConfig {
     fn default() -> Self {
-        OutputConfig { rate_hz: 50.0, lever_arm_b_m: [0.0; 3], origin: None }
+        OutputConfig {
+            rate_hz: 50.0,
+            lever_arm_b_m: [0.0; 3],
+            origin: None,
+        }
     }
 }

@@ -7,7 +7,9 @@ use crate::time::Time;
 #[non_exhaustive]
 pub enum Error {
     /// An inertial stamp not after its predecessor.
-    #[error("IMU stamp {time} is not after {previous}: drop duplicates and sort before, or lengthen the delay")]
+    #[error(
+        "IMU stamp {time} is not after {previous}: drop duplicates and sort before, or lengthen the delay"
+    )]
     ImuBackward {
         /// Stamp of the sample before.
         previous: Time,
@@ -23,7 +25,9 @@ pub enum Error {
         time: Time,
     },
     /// A covariance that is not positive definite.
-    #[error("{measurement} at {time}: innovation covariance is not positive definite (pivot {pivot:e})")]
+    #[error(
+        "{measurement} at {time}: innovation covariance is not positive definite (pivot {pivot:e})"
+    )]
     NotPositiveDefinite {
         /// Name of the measurement.
         measurement: &'static str,

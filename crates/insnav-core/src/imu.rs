@@ -56,8 +56,13 @@ pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
 impl ImuGrade {
     /// All grades, from the worst.
-    pub const ALL: [ImuGrade; 5] =
-        [ImuGrade::Consumer, ImuGrade::Automotive, ImuGrade::Industrial, ImuGrade::Tactical, ImuGrade::Navigation];
+    pub const ALL: [ImuGrade; 5] = [
+        ImuGrade::Consumer,
+        ImuGrade::Automotive,
+        ImuGrade::Industrial,
+        ImuGrade::Tactical,
+        ImuGrade::Navigation,
+    ];
 
     /// Name as in the configuration file.
     pub fn name(self) -> &'static str {

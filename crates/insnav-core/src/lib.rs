@@ -12,5 +12,7 @@ pub mod mechanization;
 #[cfg(feature = "std")]
 pub mod metrics;
 pub mod sample;
+#[cfg(feature = "std")]
+pub mod sim;
 pub mod solution;
 pub mod time;

@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// Integer, so that stamps survive a round trip exactly and sums never drift. Spans between instants are `f64` seconds:
 /// a span is short where it is used in arithmetic.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct Time(pub i64);
 
 impl Time {
@@ -37,13 +39,26 @@ impl Time {
 /// Nanoseconds nearest to `seconds`; `as` saturates, and NaN becomes zero.
 fn round_to_nanos(seconds: f64) -> i64 {
     let nanos = seconds * 1e9;
-    (if nanos < 0.0 { nanos - 0.5 } else { nanos + 0.5 }) as i64
+    (if nanos < 0.0 {
+        nanos - 0.5
+    } else {
+        nanos + 0.5
+    }) as i64
 }
 
 impl fmt::Display for Time {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (sign, nanos) = if self.0 < 0 { ("-", self.0.unsigned_abs()) } else { ("", self.0 as u64) };
-        write!(f, "{sign}{}.{:06} s", nanos / 1_000_000_000, nanos % 1_000_000_000 / 1000)
+        let (sign, nanos) = if self.0 < 0 {
+            ("-", self.0.unsigned_abs())
+        } else {
+            ("", self.0 as u64)
+        };
+        write!(
+            f,
+            "{sign}{}.{:06} s",
+            nanos / 1_000_000_000,
+            nanos % 1_000_000_000 / 1000
+        )
     }
 }
 

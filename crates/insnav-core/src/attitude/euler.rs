@@ -1,9 +1,9 @@
 //! Euler angles of the 3-2-1 sequence.
 
 use core::f64::consts::{PI, TAU};
+use nalgebra::UnitQuaternion;
 #[cfg(not(feature = "std"))]
 use nalgebra::{ComplexField, RealField};
-use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
 /// Roll, pitch and heading of the body (forward-right-down) against NED: 3-2-1 sequence, radians.
@@ -23,7 +23,11 @@ pub struct Euler {
 impl Euler {
     /// From degrees.
     pub fn from_degrees(roll_deg: f64, pitch_deg: f64, heading_deg: f64) -> Self {
-        Euler { roll: roll_deg.to_radians(), pitch: pitch_deg.to_radians(), heading: heading_deg.to_radians() }
+        Euler {
+            roll: roll_deg.to_radians(),
+            pitch: pitch_deg.to_radians(),
+            heading: heading_deg.to_radians(),
+        }
     }
 
     /// The rotation q_nb ([Groves13] eq. 2.22 transposed).
@@ -37,9 +41,17 @@ impl Euler {
         let c = c.matrix();
         let pitch = (-c[(2, 0)]).atan2((c[(0, 0)] * c[(0, 0)] + c[(1, 0)] * c[(1, 0)]).sqrt());
         if c[(2, 0)].abs() > 1.0 - 1e-12 {
-            return Euler { roll: 0.0, pitch, heading: (-c[(0, 1)]).atan2(c[(1, 1)]) };
+            return Euler {
+                roll: 0.0,
+                pitch,
+                heading: (-c[(0, 1)]).atan2(c[(1, 1)]),
+            };
         }
-        Euler { roll: c[(2, 1)].atan2(c[(2, 2)]), pitch, heading: c[(1, 0)].atan2(c[(0, 0)]) }
+        Euler {
+            roll: c[(2, 1)].atan2(c[(2, 2)]),
+            pitch,
+            heading: c[(1, 0)].atan2(c[(0, 0)]),
+        }
     }
 
     /// Heading in degrees, 0 to 360.
@@ -84,10 +96,19 @@ mod tests {
     #[test]
     fn each_angle_turns_its_axis_the_right_way() {
         let forward = |e: Euler| e.to_quaternion() * Vector3::x();
-        assert!((forward(Euler::from_degrees(0.0, 0.0, 90.0)) - Vector3::y()).norm() < 1e-15, "heading 90 looks east");
-        assert!((forward(Euler::from_degrees(0.0, 90.0, 0.0)) + Vector3::z()).norm() < 1e-15, "pitch 90 looks up");
+        assert!(
+            (forward(Euler::from_degrees(0.0, 0.0, 90.0)) - Vector3::y()).norm() < 1e-15,
+            "heading 90 looks east"
+        );
+        assert!(
+            (forward(Euler::from_degrees(0.0, 90.0, 0.0)) + Vector3::z()).norm() < 1e-15,
+            "pitch 90 looks up"
+        );
         let right = Euler::from_degrees(90.0, 0.0, 0.0).to_quaternion() * Vector3::y();
-        assert!((right - Vector3::z()).norm() < 1e-15, "roll 90 puts the right side down");
+        assert!(
+            (right - Vector3::z()).norm() < 1e-15,
+            "roll 90 puts the right side down"
+        );
     }
 
     #[test]

@@ -68,7 +68,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
-        (-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64).prop_map(move |(x, y, z)| Vector3::new(x, y, z) * size)
+        (-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64)
+            .prop_map(move |(x, y, z)| Vector3::new(x, y, z) * size)
     }
 
     proptest! {

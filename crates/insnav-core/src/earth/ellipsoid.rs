@@ -35,7 +35,10 @@ mod tests {
     #[test]
     fn radii_have_their_closed_forms_at_equator_and_pole() {
         let polar = SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / SEMI_MINOR_AXIS;
-        assert!((meridian_radius(0.0) - SEMI_MINOR_AXIS * SEMI_MINOR_AXIS / SEMI_MAJOR_AXIS).abs() < 1e-8);
+        assert!(
+            (meridian_radius(0.0) - SEMI_MINOR_AXIS * SEMI_MINOR_AXIS / SEMI_MAJOR_AXIS).abs()
+                < 1e-8
+        );
         assert!((transverse_radius(0.0) - SEMI_MAJOR_AXIS).abs() < 1e-8);
         assert!((meridian_radius(FRAC_PI_2) - polar).abs() < 1e-8);
         assert!((transverse_radius(FRAC_PI_2) - polar).abs() < 1e-8);

@@ -21,7 +21,11 @@ pub struct Geodetic {
 impl Geodetic {
     /// From degrees and metres.
     pub fn from_degrees(latitude_deg: f64, longitude_deg: f64, height_m: f64) -> Self {
-        Geodetic { latitude: latitude_deg.to_radians(), longitude: longitude_deg.to_radians(), height: height_m }
+        Geodetic {
+            latitude: latitude_deg.to_radians(),
+            longitude: longitude_deg.to_radians(),
+            height: height_m,
+        }
     }
 
     /// Latitude in degrees.
@@ -40,7 +44,11 @@ impl Geodetic {
         let (so, co) = self.longitude.sin_cos();
         let n = transverse_radius(self.latitude);
         let r = (n + self.height) * cl;
-        Vector3::new(r * co, r * so, (n * (1.0 - ECCENTRICITY_SQUARED) + self.height) * sl)
+        Vector3::new(
+            r * co,
+            r * so,
+            (n * (1.0 - ECCENTRICITY_SQUARED) + self.height) * sl,
+        )
     }
 
     /// From an Earth-centred Earth-fixed position, m: Bowring's formula with one Newton-like repetition ([Bowring76]).
@@ -62,14 +70,28 @@ impl Geodetic {
         let n = transverse_radius(latitude);
         // This form of the height has no singularity at the poles.
         let height = p * c + r_e.z * s - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
-        Geodetic { latitude, longitude: r_e.y.atan2(r_e.x), height }
+        Geodetic {
+            latitude,
+            longitude: r_e.y.atan2(r_e.x),
+            height,
+        }
     }
 
     /// Rotation C_n^e from local NED to Earth-centred axes.
     pub fn ned_to_ecef(&self) -> Matrix3<f64> {
         let (sl, cl) = self.latitude.sin_cos();
         let (so, co) = self.longitude.sin_cos();
-        Matrix3::new(-sl * co, -so, -cl * co, -sl * so, co, -cl * so, cl, 0.0, -sl)
+        Matrix3::new(
+            -sl * co,
+            -so,
+            -cl * co,
+            -sl * so,
+            co,
+            -cl * so,
+            cl,
+            0.0,
+            -sl,
+        )
     }
 
     /// The position `dp_n` metres away, NED, measured with the radii of curvature at `self`.
@@ -105,7 +127,9 @@ impl Geodetic {
 
     /// True when all three numbers are finite and the latitude is one.
     pub fn is_valid(&self) -> bool {
-        self.latitude.abs() <= core::f64::consts::FRAC_PI_2 && self.longitude.is_finite() && self.height.is_finite()
+        self.latitude.abs() <= core::f64::consts::FRAC_PI_2
+            && self.longitude.is_finite()
+            && self.height.is_finite()
     }
 }
 
@@ -120,7 +144,11 @@ pub struct LocalFrame {
 impl LocalFrame {
     /// The frame tangent to the ellipsoid at `origin`.
     pub fn new(origin: Geodetic) -> Self {
-        LocalFrame { origin, origin_e: origin.to_ecef(), ned_to_ecef: origin.ned_to_ecef() }
+        LocalFrame {
+            origin,
+            origin_e: origin.to_ecef(),
+            ned_to_ecef: origin.ned_to_ecef(),
+        }
     }
 
     /// Where the frame touches the Earth.
@@ -150,7 +178,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn anywhere() -> impl Strategy<Value = Geodetic> {
-        (-89.9..89.9f64, -180.0..180.0f64, -5e3..5e5f64).prop_map(|(a, b, h)| Geodetic::from_degrees(a, b, h))
+        (-89.9..89.9f64, -180.0..180.0f64, -5e3..5e5f64)
+            .prop_map(|(a, b, h)| Geodetic::from_degrees(a, b, h))
     }
 
     proptest! {

@@ -22,9 +22,12 @@ pub fn gravity(at: &Geodetic) -> f64 {
 
 pub(super) fn at_sin_latitude(sin_latitude: f64, height: f64) -> f64 {
     let s2 = sin_latitude * sin_latitude;
-    let surface = EQUATORIAL_GRAVITY * (1.0 + SOMIGLIANA * s2) / (1.0 - ECCENTRICITY_SQUARED * s2).sqrt();
+    let surface =
+        EQUATORIAL_GRAVITY * (1.0 + SOMIGLIANA * s2) / (1.0 - ECCENTRICITY_SQUARED * s2).sqrt();
     let x = height / SEMI_MAJOR_AXIS;
-    surface * (1.0 - 2.0 * (1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * s2) * x + 3.0 * x * x)
+    surface
+        * (1.0 - 2.0 * (1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * s2) * x
+            + 3.0 * x * x)
 }
 
 /// Derivatives of [`gravity`]: (per rad of latitude, per metre of height), m/s²/rad and 1/s².
@@ -38,7 +41,8 @@ pub(super) fn gradient_at(s: f64, c: f64, height: f64) -> (f64, f64) {
     let w2 = 1.0 - ECCENTRICITY_SQUARED * s2;
     let surface = EQUATORIAL_GRAVITY * (1.0 + SOMIGLIANA * s2) / w2.sqrt();
     // d(surface)/dL and d(continuation)/dL share the factor 2 sin L cos L = d(sin² L)/dL.
-    let by_s2 = EQUATORIAL_GRAVITY * SOMIGLIANA / w2.sqrt() + 0.5 * ECCENTRICITY_SQUARED * surface / w2;
+    let by_s2 =
+        EQUATORIAL_GRAVITY * SOMIGLIANA / w2.sqrt() + 0.5 * ECCENTRICITY_SQUARED * surface / w2;
     let x = height / SEMI_MAJOR_AXIS;
     let slope = 2.0 * (1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * s2);
     let continuation = 1.0 - slope * x + 3.0 * x * x;

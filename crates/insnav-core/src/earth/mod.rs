@@ -6,7 +6,8 @@ mod gravity;
 mod rates;
 
 pub use ellipsoid::{
-    EARTH_RATE, ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS, meridian_radius, transverse_radius,
+    EARTH_RATE, ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS,
+    meridian_radius, transverse_radius,
 };
 pub use geodetic::{Geodetic, LocalFrame};
 pub use gravity::{gravity, gravity_gradient};

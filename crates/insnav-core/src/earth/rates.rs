@@ -52,13 +52,21 @@ impl LocalEarth {
 
     /// ω_ie resolved in n, rad/s.
     pub fn earth_rate_n(&self) -> Vector3<f64> {
-        Vector3::new(EARTH_RATE * self.cos_latitude, 0.0, -EARTH_RATE * self.sin_latitude)
+        Vector3::new(
+            EARTH_RATE * self.cos_latitude,
+            0.0,
+            -EARTH_RATE * self.sin_latitude,
+        )
     }
 
     /// ω_en resolved in n at a velocity (NED, m/s), rad/s.
     pub fn transport_rate_n(&self, velocity_n: &Vector3<f64>) -> Vector3<f64> {
         let east = velocity_n.y / self.transverse;
-        Vector3::new(east, -velocity_n.x / self.meridian, -east * self.sin_latitude / self.cos_latitude)
+        Vector3::new(
+            east,
+            -velocity_n.x / self.meridian,
+            -east * self.sin_latitude / self.cos_latitude,
+        )
     }
 
     /// Normal gravity along Down, m/s².

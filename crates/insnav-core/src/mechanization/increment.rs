@@ -31,9 +31,17 @@ impl Increment {
         let head_dt = self.dt - tail_dt;
         let part = |end: Time, dt: f64| {
             let share = if self.dt > 0.0 { dt / self.dt } else { 0.0 };
-            Increment { time: end, dt, rotation_b: self.rotation_b * share, velocity_b: self.velocity_b * share }
+            Increment {
+                time: end,
+                dt,
+                rotation_b: self.rotation_b * share,
+                velocity_b: self.velocity_b * share,
+            }
         };
-        (part(self.time.plus(-tail_dt), head_dt), part(self.time, tail_dt))
+        (
+            part(self.time.plus(-tail_dt), head_dt),
+            part(self.time, tail_dt),
+        )
     }
 
     /// The same interval with constant sensor errors (rad/s, m/s²) taken out.
@@ -75,11 +83,20 @@ impl IncrementBuilder {
     /// Take a sample of rates; the increment since the previous sample, if there was one.
     pub fn push(&mut self, sample: &ImuSample) -> Option<Increment> {
         let (w1, f1) = (sample.angular_rate_b, sample.specific_force_b);
-        let last = self.last.replace(Last { time: sample.time, rates: Some((w1, f1)), increments: None })?;
+        let last = self.last.replace(Last {
+            time: sample.time,
+            rates: Some((w1, f1)),
+            increments: None,
+        })?;
         let dt = sample.time.since(last.time);
         let Some((w0, f0)) = last.rates else {
             // The source changed from increments to rates: no rate at the begin.
-            return Some(Increment { time: sample.time, dt, rotation_b: w1 * dt, velocity_b: f1 * dt });
+            return Some(Increment {
+                time: sample.time,
+                dt,
+                rotation_b: w1 * dt,
+                velocity_b: f1 * dt,
+            });
         };
         // Trapezoid, and the exact second-order terms of linear rate and force: dt²/12 (ω₀×ω₁), dt²/12 (ω₀×f₁ + f₀×ω₁).
         let k = dt * dt / 12.0;
@@ -96,9 +113,18 @@ impl IncrementBuilder {
         let (a1, v1) = (sample.angle_b, sample.velocity_b);
         let last = self.last.take();
         let dt = last.map(|l| sample.time.since(l.time));
-        self.last = Some(Last { time: sample.time, rates: None, increments: dt.map(|dt| (a1, v1, dt)) });
+        self.last = Some(Last {
+            time: sample.time,
+            rates: None,
+            increments: dt.map(|dt| (a1, v1, dt)),
+        });
         let dt = dt?;
-        let mut increment = Increment { time: sample.time, dt, rotation_b: a1, velocity_b: v1 };
+        let mut increment = Increment {
+            time: sample.time,
+            dt,
+            rotation_b: a1,
+            velocity_b: v1,
+        };
         if let Some((a0, v0, dt0)) = last.and_then(|l| l.increments) {
             // Rates linear through both intervals; lengths may differ: for equal ones the factor is 1/12.
             let k = dt / (6.0 * (dt0 + dt)) * (dt / dt0);
@@ -146,7 +172,10 @@ mod tests {
     fn errors(inc: &Increment, from: f64) -> (f64, f64) {
         let (q, v) = truth(from, inc.dt);
         let gain = left_jacobian(&inc.rotation_b) * inc.velocity_b;
-        (log(&(q.inverse() * exp(&inc.rotation_b))).norm(), (gain - v).norm())
+        (
+            log(&(q.inverse() * exp(&inc.rotation_b))).norm(),
+            (gain - v).norm(),
+        )
     }
 
     fn from_rates(dt: f64) -> Increment {
@@ -157,11 +186,14 @@ mod tests {
         };
         let mut builder = IncrementBuilder::default();
         assert!(builder.push(&sample(1.0)).is_none());
-        builder.push(&sample(1.0 + dt)).expect("second sample ends an interval")
+        builder
+            .push(&sample(1.0 + dt))
+            .expect("second sample ends an interval")
     }
 
     fn from_increments(dt0: f64, dt: f64) -> Increment {
-        let integral = |c: [Vector3<f64>; 2], a: f64, b: f64| c[0] * (b - a) + c[1] * (0.5 * (b * b - a * a));
+        let integral =
+            |c: [Vector3<f64>; 2], a: f64, b: f64| c[0] * (b - a) + c[1] * (0.5 * (b * b - a * a));
         let (t0, t1, t2) = (1.0 - dt0, 1.0, 1.0 + dt);
         let sample = |a: f64, b: f64| ImuIncrement {
             time: Time::from_seconds(b),
@@ -171,14 +203,20 @@ mod tests {
         let mut builder = IncrementBuilder::default();
         assert!(builder.push_increment(&sample(t0 - 0.01, t0)).is_none());
         builder.push_increment(&sample(t0, t1));
-        builder.push_increment(&sample(t1, t2)).expect("third sample has a predecessor with a length")
+        builder
+            .push_increment(&sample(t1, t2))
+            .expect("third sample has a predecessor with a length")
     }
 
     /// What is left is of fourth order or higher in dt: halving dt divides it by about 16 and more (8 would be third order).
     #[test]
     fn coning_and_sculling_remove_the_second_order_error() {
         type Make = fn(f64) -> Increment;
-        let makes: [Make; 3] = [from_rates, |dt| from_increments(dt, dt), |dt| from_increments(0.7 * dt, dt)];
+        let makes: [Make; 3] = [
+            from_rates,
+            |dt| from_increments(dt, dt),
+            |dt| from_increments(0.7 * dt, dt),
+        ];
         for make in makes {
             let (coarse, fine) = (errors(&make(0.08), 1.0), errors(&make(0.04), 1.0));
             assert!(coarse.0 / fine.0 > 12.0, "rotation {coarse:?} {fine:?}");
@@ -188,7 +226,10 @@ mod tests {
             let plain = |c: [Vector3<f64>; 2]| c[0] * 0.04 + c[1] * (0.5 * (1.04f64.powi(2) - 1.0));
             (bare.rotation_b, bare.velocity_b) = (plain(W), plain(F));
             let naive = errors(&bare, 1.0);
-            assert!(naive.0 > 20.0 * fine.0 && naive.1 > 20.0 * fine.1, "{naive:?} {fine:?}");
+            assert!(
+                naive.0 > 20.0 * fine.0 && naive.1 > 20.0 * fine.1,
+                "{naive:?} {fine:?}"
+            );
         }
     }
 
@@ -201,7 +242,10 @@ mod tests {
             assert_eq!(tail.time, whole.time);
             assert!((head.dt + tail.dt - whole.dt).abs() < 1e-15);
             let q = exp(&head.rotation_b) * exp(&tail.rotation_b);
-            assert!(q.angle_to(&exp(&whole.rotation_b)) < 1e-7, "angle_to resolves 1e-8");
+            assert!(
+                q.angle_to(&exp(&whole.rotation_b)) < 1e-7,
+                "angle_to resolves 1e-8"
+            );
             assert!(log(&(q.inverse() * exp(&whole.rotation_b))).norm() < 1e-15);
             let v = left_jacobian(&head.rotation_b) * head.velocity_b
                 + exp(&head.rotation_b) * (left_jacobian(&tail.rotation_b) * tail.velocity_b);

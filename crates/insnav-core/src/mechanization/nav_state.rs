@@ -64,7 +64,8 @@ impl NavState {
         let v_mean = (v0 + self.velocity_n) * 0.5;
         self.position = Geodetic {
             latitude: self.position.latitude + v_mean.x * dt / middle.meridian,
-            longitude: self.position.longitude + v_mean.y * dt / (middle.transverse * middle.cos_latitude),
+            longitude: self.position.longitude
+                + v_mean.y * dt / (middle.transverse * middle.cos_latitude),
             height: self.position.height - v_mean.z * dt,
         };
 
@@ -76,8 +77,14 @@ impl NavState {
 
         Interval {
             dt,
-            specific_force_n: if dt > 0.0 { gain_n / dt } else { Vector3::zeros() },
-            axes_n: (before * exp(&(increment.rotation_b * 0.5))).to_rotation_matrix().into_inner(),
+            specific_force_n: if dt > 0.0 {
+                gain_n / dt
+            } else {
+                Vector3::zeros()
+            },
+            axes_n: (before * exp(&(increment.rotation_b * 0.5)))
+                .to_rotation_matrix()
+                .into_inner(),
             velocity_n: v_mean,
             earth: middle,
         }

@@ -1,0 +1,244 @@
+//! What a GNSS receiver says: fixes of an antenna with white and coloured errors, outages, outliers and late stamps.
+
+use super::noise::{GaussMarkov, Source, Stream};
+use super::trajectory::{Kinematics, Trajectory};
+use crate::earth::LocalEarth;
+use crate::error::{Error, Result};
+use crate::sample::{GnssPosition, GnssVelocity, Sample};
+use crate::time::Time;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// A stretch of time, s after the start, its end not included.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Span {
+    /// First instant.
+    pub begin_s: f64,
+    /// First instant after.
+    pub end_s: f64,
+}
+
+impl Span {
+    /// Whether an instant lies inside.
+    pub fn contains(&self, seconds: f64) -> bool {
+        (self.begin_s..self.end_s).contains(&seconds)
+    }
+}
+
+/// A receiver and its antenna. Vectors are north, east, down.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GnssModel {
+    /// Position fixes per second; 0: none.
+    pub position_rate_hz: f64,
+    /// Velocity fixes per second; 0: none.
+    pub velocity_rate_hz: f64,
+    /// Antenna from the IMU, forward-right-down, m.
+    pub lever_arm_b_m: [f64; 3],
+    /// White error of a position, m.
+    pub position_sigma_m: [f64; 3],
+    /// Steady sigma of the coloured (Gauss–Markov) error of positions, m.
+    pub position_colour_sigma_m: [f64; 3],
+    /// Its correlation time, s.
+    pub position_colour_tau_s: f64,
+    /// White error of a velocity, m/s.
+    pub velocity_sigma_m_per_s: [f64; 3],
+    /// Whether fixes state a covariance (white and coloured together); outliers state the same as good fixes.
+    pub states_covariance: bool,
+    /// When there are no fixes.
+    pub outages: Vec<Span>,
+    /// Share of fixes that are outliers, 0 to 1.
+    pub outlier_probability: f64,
+    /// Size of an outlier in position, m, in a random horizontal direction; of velocities a tenth of it in m/s.
+    pub outlier_size_m: f64,
+    /// Added to the stamps of all fixes: how far the GNSS clock is ahead of the IMU's, s.
+    pub time_offset_s: f64,
+    /// A velocity is valid this long before its stamp, s, on top of the offset.
+    pub velocity_lag_s: f64,
+    /// Fixes arrive this long after the instant at which the position is valid, s.
+    pub latency_s: f64,
+}
+
+impl Default for GnssModel {
+    /// A single-frequency receiver at 1 Hz under open sky, antenna in the IMU, no coloured error.
+    fn default() -> Self {
+        GnssModel {
+            position_rate_hz: 1.0,
+            velocity_rate_hz: 1.0,
+            lever_arm_b_m: [0.0; 3],
+            position_sigma_m: [1.5, 1.5, 3.0],
+            position_colour_sigma_m: [0.0; 3],
+            position_colour_tau_s: 300.0,
+            velocity_sigma_m_per_s: [0.05, 0.05, 0.1],
+            states_covariance: true,
+            outages: Vec::new(),
+            outlier_probability: 0.0,
+            outlier_size_m: 50.0,
+            time_offset_s: 0.0,
+            velocity_lag_s: 0.0,
+            latency_s: 0.0,
+        }
+    }
+}
+
+impl GnssModel {
+    pub(super) fn check(&self) -> Result<()> {
+        let require = |ok: bool, key, value, expected| {
+            if ok {
+                Ok(())
+            } else {
+                Err(Error::Config {
+                    key,
+                    value,
+                    expected,
+                })
+            }
+        };
+        let rate = |v: f64, key| require((0.0..=1000.0).contains(&v), key, v, "between 0 and 1000");
+        rate(self.position_rate_hz, "gnss.position_rate_hz")?;
+        rate(self.velocity_rate_hz, "gnss.velocity_rate_hz")?;
+        let sigmas = |v: &[f64; 3], key| {
+            v.iter().try_for_each(|v| {
+                require(
+                    (0.0..f64::INFINITY).contains(v),
+                    key,
+                    *v,
+                    "finite and not negative",
+                )
+            })
+        };
+        sigmas(&self.position_sigma_m, "gnss.position_sigma_m")?;
+        sigmas(
+            &self.position_colour_sigma_m,
+            "gnss.position_colour_sigma_m",
+        )?;
+        sigmas(&self.velocity_sigma_m_per_s, "gnss.velocity_sigma_m_per_s")?;
+        let tau = self.position_colour_tau_s;
+        require(tau > 0.0, "gnss.position_colour_tau_s", tau, "positive")?;
+        let p = self.outlier_probability;
+        require(
+            (0.0..=1.0).contains(&p),
+            "gnss.outlier_probability",
+            p,
+            "between 0 and 1",
+        )?;
+        require(
+            self.outlier_size_m.is_finite(),
+            "gnss.outlier_size_m",
+            self.outlier_size_m,
+            "finite",
+        )?;
+        let seconds = |v: f64, key| require(v.abs() <= 1e3, key, v, "within ±1000");
+        seconds(self.time_offset_s, "gnss.time_offset_s")?;
+        seconds(self.velocity_lag_s, "gnss.velocity_lag_s")?;
+        seconds(self.latency_s, "gnss.latency_s")?;
+        for v in &self.lever_arm_b_m {
+            require(v.abs() <= 1e3, "gnss.lever_arm_b_m", *v, "within ±1000")?;
+        }
+        Ok(())
+    }
+
+    fn is_out(&self, seconds: f64) -> bool {
+        self.outages.iter().any(|o| o.contains(seconds))
+    }
+}
+
+/// Antenna velocity over ground, NED at the IMU: v + C (ω_ib × l) − ω_ie × C l ([Groves13] eq. 14.120).
+fn antenna_velocity_n(k: &Kinematics, lever_arm_b: &Vector3<f64>) -> Vector3<f64> {
+    let earth_rate_n = LocalEarth::at(&k.nav.position).earth_rate_n();
+    k.nav.velocity_n + k.nav.q_nb * k.angular_rate_b.cross(lever_arm_b)
+        - earth_rate_n.cross(&(k.nav.q_nb * lever_arm_b))
+}
+
+/// Fixes with the instants of their arrival.
+pub(super) fn simulate(
+    model: &GnssModel,
+    trajectory: &Trajectory,
+    duration: f64,
+    seed: u64,
+) -> Vec<(Time, Sample)> {
+    let lever_arm_b = Vector3::from(model.lever_arm_b_m);
+    let mut fixes = Vec::new();
+    let mut outliers = Source::new(seed, Stream::Outliers);
+    // Drawn for every fix, so that the sequence of all others does not depend on which are outliers.
+    let mut outlier = |size: f64| {
+        let hit = outliers.uniform() < model.outlier_probability;
+        let (s, c) = outliers.between(0.0, core::f64::consts::TAU).sin_cos();
+        if hit {
+            Vector3::new(c, s, 0.0) * size
+        } else {
+            Vector3::zeros()
+        }
+    };
+    let instants = |rate: f64| {
+        let count = if rate > 0.0 {
+            (duration * rate + 1e-6).floor() as usize + 1
+        } else {
+            0
+        };
+        (0..count).map(move |i| i as f64 / rate)
+    };
+    let covariance = |a: Vector3<f64>, b: Vector3<f64>| {
+        model
+            .states_covariance
+            .then(|| Matrix3::from_diagonal(&(a.component_mul(&a) + b.component_mul(&b))))
+    };
+    let stamps = |t: f64| {
+        let valid = trajectory.start().plus(t);
+        (valid.plus(model.latency_s), valid.plus(model.time_offset_s))
+    };
+
+    let sigma = Vector3::from(model.position_sigma_m);
+    let colour_sigma = Vector3::from(model.position_colour_sigma_m);
+    let mut white = Source::new(seed, Stream::PositionWhite);
+    let source = Source::new(seed, Stream::PositionColour);
+    let mut colour = GaussMarkov::new(
+        colour_sigma,
+        colour_sigma,
+        model.position_colour_tau_s,
+        source,
+    );
+    for t in instants(model.position_rate_hz) {
+        if t > 0.0 {
+            colour.step(1.0 / model.position_rate_hz);
+        }
+        let error =
+            white.normal3().component_mul(&sigma) + colour.value + outlier(model.outlier_size_m);
+        if model.is_out(t) {
+            continue;
+        }
+        let k = trajectory.after(t);
+        let antenna = k.nav.position.offset(&(k.nav.q_nb * lever_arm_b));
+        let (arrival, time) = stamps(t);
+        let position = antenna.offset(&error);
+        fixes.push((
+            arrival,
+            Sample::GnssPosition(GnssPosition {
+                time,
+                position,
+                covariance_n: covariance(sigma, colour_sigma),
+            }),
+        ));
+    }
+
+    let sigma = Vector3::from(model.velocity_sigma_m_per_s);
+    let mut white = Source::new(seed, Stream::VelocityWhite);
+    for t in instants(model.velocity_rate_hz) {
+        let error = white.normal3().component_mul(&sigma) + outlier(0.1 * model.outlier_size_m);
+        if model.is_out(t) {
+            continue;
+        }
+        let k = trajectory.after(t - model.velocity_lag_s);
+        let (arrival, time) = stamps(t);
+        fixes.push((
+            arrival,
+            Sample::GnssVelocity(GnssVelocity {
+                time,
+                velocity_n: antenna_velocity_n(&k, &lever_arm_b) + error,
+                covariance_n: covariance(sigma, Vector3::zeros()),
+            }),
+        ));
+    }
+    fixes
+}

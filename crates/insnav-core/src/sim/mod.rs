@@ -1,0 +1,28 @@
+//! Simulation with exact truth: where a body went, what its sensors would have said, and how wrong they were.
+//!
+//! A [`Scenario`] is plain data (drive, inertial unit, receiver); [`Scenario::simulate`] turns it and a seed into a
+//! [`Simulation`]: samples in the order of their arrival, and the truth at any instant.
+//!
+//! ```
+//! use insnav_core::sim::Scenario;
+//! let simulation = Scenario::standing(10.0, 45.0).simulate(1)?;
+//! let last = simulation.samples.last().expect("ten seconds of data");
+//! let truth = simulation.truth_at(last.time());
+//! assert!((truth.nav.q_nb.euler_angles().2.to_degrees() - 45.0).abs() < 1e-9);
+//! # Ok::<(), insnav_core::error::Error>(())
+//! ```
+
+mod gnss;
+mod imu;
+mod noise;
+mod quadrature;
+mod scenario;
+mod simulation;
+mod trajectory;
+
+pub use gnss::{GnssModel, Span};
+pub use imu::{ImuErrorModel, ImuModel, ImuOutput};
+pub use noise::{GaussMarkov, Source, Stream};
+pub use scenario::Scenario;
+pub use simulation::{Simulation, Truth};
+pub use trajectory::{Body, Drive, Kinematics, Leg, Trajectory, Wave};

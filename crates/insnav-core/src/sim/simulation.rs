@@ -1,0 +1,83 @@
+//! One run of a scenario: samples in the order of arrival and the truth behind them.
+
+use super::scenario::Scenario;
+use super::trajectory::Trajectory;
+use super::{gnss, imu};
+use crate::error::Result;
+use crate::imu::ImuErrors;
+use crate::mechanization::NavState;
+use crate::sample::Sample;
+use crate::time::Time;
+use nalgebra::Vector3;
+
+/// What really was, at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Position of the IMU, velocity, attitude.
+    pub nav: NavState,
+    /// ω_ib resolved in b, rad/s.
+    pub angular_rate_b: Vector3<f64>,
+    /// Specific force resolved in b, m/s².
+    pub specific_force_b: Vector3<f64>,
+    /// Biases of the inertial unit: constant and drifting part together.
+    pub imu_errors: ImuErrors,
+}
+
+/// A simulated run.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    /// Everything a navigator would get, in the order of arrival (at equal instants inertial samples first).
+    pub samples: Vec<Sample>,
+    /// The exact motion.
+    pub trajectory: Trajectory,
+    biases: Vec<ImuErrors>,
+    imu_rate: f64,
+}
+
+impl Simulation {
+    pub(super) fn run(scenario: &Scenario, seed: u64) -> Result<Self> {
+        scenario.imu.check()?;
+        scenario.gnss.check()?;
+        let trajectory = Trajectory::new(&scenario.drive)?;
+        let duration = scenario.duration_s.min(trajectory.duration());
+        let (inertial, biases) = imu::simulate(&scenario.imu, &trajectory, duration, seed);
+        let mut fixes = gnss::simulate(&scenario.gnss, &trajectory, duration, seed);
+        // Stable: a position stays before the velocity that arrives with it.
+        fixes.sort_by_key(|(arrival, _)| *arrival);
+        let mut samples = Vec::with_capacity(inertial.len() + fixes.len());
+        let mut fixes = fixes.into_iter().peekable();
+        for sample in inertial {
+            while let Some((_, fix)) = fixes.next_if(|(arrival, _)| *arrival < sample.time()) {
+                samples.push(fix);
+            }
+            samples.push(sample);
+        }
+        samples.extend(fixes.map(|(_, fix)| fix));
+        Ok(Simulation {
+            samples,
+            trajectory,
+            biases,
+            imu_rate: scenario.imu.rate_hz,
+        })
+    }
+
+    /// The truth at a stamp of the IMU's clock. Biases are those of the nearest inertial sample.
+    pub fn truth_at(&self, time: Time) -> Truth {
+        let k = self.trajectory.at(time);
+        let index = (time.since(self.trajectory.start()) * self.imu_rate)
+            .round()
+            .max(0.0) as usize;
+        let imu_errors = self
+            .biases
+            .get(index)
+            .or(self.biases.last())
+            .copied()
+            .unwrap_or_default();
+        Truth {
+            nav: k.nav,
+            angular_rate_b: k.angular_rate_b,
+            specific_force_b: k.specific_force_b,
+            imu_errors,
+        }
+    }
+}
