@@ -153,20 +153,22 @@ impl ImuModel {
     }
 }
 
-/// ∫ω_ib dt and ∫f dt over [`from`, `to`] (s after the start), both resolved in the body axes as they turn: rad, m/s.
+/// ∫ω_ib dt and ∫f dt over the `span` that ends at `to` (s after the start), both resolved in the body axes as they turn:
+/// rad, m/s.
 fn quadrature<const N: usize>(
     trajectory: &Trajectory,
-    from: f64,
     to: f64,
+    span: f64,
     rule: &[(f64, f64); N],
     longest: f64,
 ) -> (Vector3<f64>, Vector3<f64>) {
     // A rounded-up 0.01 / 0.01 must not make two panels.
-    let panels = ((to - from) / longest - 1e-6).ceil().max(1.0);
-    let half = 0.5 * (to - from) / panels;
+    let panels = (span / longest - 1e-6).ceil().max(1.0);
+    // From the span itself: the difference of two instants an hour on is known to 1e-10 of a sample interval only.
+    let half = 0.5 * span / panels;
     let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
     for i in 0..panels as usize {
-        let middle = from + half * (2.0 * i as f64 + 1.0);
+        let middle = to - half * (2.0 * i as f64 + 1.0);
         for (x, w) in rule {
             let k = trajectory.after(middle + half * x);
             angle += k.angular_rate_b * *w;
@@ -216,7 +218,7 @@ pub(super) fn simulate(
                 })
             }
             ImuOutput::Increments => {
-                let (angle, velocity) = quadrature(trajectory, to - span, to, &rule, PANEL);
+                let (angle, velocity) = quadrature(trajectory, to, span, &rule, PANEL);
                 let (a, v) = unit.corrupt(&angle, &velocity, span, span.sqrt());
                 Sample::ImuIncrement(ImuIncrement {
                     time,
