@@ -2,7 +2,8 @@
 //!
 //! One schema for Rust, the command line (TOML) and Python. Absent means "choose": what was chosen is reported.
 
-use crate::imu::{ImuGrade, ImuNoise};
+use crate::error::{Error, Result};
+use crate::imu::{ImuGrade, ImuNoise, STANDARD_GRAVITY};
 use serde::{Deserialize, Serialize};
 
 /// All settings.
@@ -21,6 +22,95 @@ pub struct Config {
     pub alignment: AlignmentConfig,
     /// Output.
     pub output: OutputConfig,
+}
+
+impl Config {
+    /// Check every number.
+    ///
+    /// # Errors
+    /// `Config` names the first key outside its range.
+    pub fn validate(&self) -> Result<()> {
+        let Config {
+            imu,
+            gnss,
+            vehicle: _,
+            noise,
+            alignment,
+            output,
+        } = self;
+        let positive =
+            |key, value: Option<f64>| check(key, value, |x| x > 0.0, "finite and above 0");
+        let not_negative = |key, value| {
+            check(
+                key,
+                Some(value),
+                |x: f64| x >= 0.0,
+                "finite and not negative",
+            )
+        };
+        let finite = |key, values: [f64; 3]| {
+            values
+                .iter()
+                .try_for_each(|&x| check(key, Some(x), |_| true, "finite"))
+        };
+        let within = |key, value: f64| {
+            check(
+                key,
+                Some(value),
+                |x: f64| x.abs() <= 5.0,
+                "between -5 and 5",
+            )
+        };
+        finite("imu.mounting_rpy_deg", imu.mounting_rpy_deg)?;
+        finite("gnss.lever_arm_b_m", gnss.lever_arm_b_m.unwrap_or_default())?;
+        not_negative("gnss.sigma_floor_m", gnss.sigma_floor_m)?;
+        not_negative(
+            "gnss.velocity_sigma_floor_m_per_s",
+            gnss.velocity_sigma_floor_m_per_s,
+        )?;
+        positive("gnss.sigma_scale", Some(gnss.sigma_scale))?;
+        within("gnss.time_offset_s", gnss.time_offset_s)?;
+        within("gnss.velocity_lag_s", gnss.velocity_lag_s)?;
+        positive(
+            "noise.gyro_arw_deg_per_sqrt_hour",
+            noise.gyro_arw_deg_per_sqrt_hour,
+        )?;
+        positive(
+            "noise.accel_vrw_m_per_s_per_sqrt_hour",
+            noise.accel_vrw_m_per_s_per_sqrt_hour,
+        )?;
+        positive("noise.gyro_bias_deg_per_hour", noise.gyro_bias_deg_per_hour)?;
+        positive("noise.accel_bias_mg", noise.accel_bias_mg)?;
+        positive("noise.gyro_bias_tau_s", noise.gyro_bias_tau_s)?;
+        positive("noise.accel_bias_tau_s", noise.accel_bias_tau_s)?;
+        check(
+            "alignment.heading_deg",
+            alignment.heading_deg,
+            |_| true,
+            "finite",
+        )?;
+        positive("alignment.heading_sigma_deg", alignment.heading_sigma_deg)?;
+        not_negative("output.rate_hz", output.rate_hz)?;
+        finite("output.lever_arm_b_m", output.lever_arm_b_m)?;
+        finite("output.origin", output.origin.unwrap_or_default())
+    }
+}
+
+/// `Err` when a value is given and is not finite or fails its rule.
+fn check(
+    key: &'static str,
+    value: Option<f64>,
+    rule: impl Fn(f64) -> bool,
+    expected: &'static str,
+) -> Result<()> {
+    match value {
+        Some(value) if !(value.is_finite() && rule(value)) => Err(Error::Config {
+            key,
+            value,
+            expected,
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// `[imu]`
@@ -105,8 +195,24 @@ pub struct NoiseConfig {
 impl NoiseConfig {
     /// The noise of a grade with these overrides.
     pub fn over(&self, grade: ImuGrade) -> ImuNoise {
-        let _ = grade;
-        todo!()
+        let class = grade.noise();
+        let per_hour = |d: f64| d.to_radians() / 3600.0;
+        let gyro_bias = self.gyro_bias_deg_per_hour.map(per_hour);
+        let accel_bias = self.accel_bias_mg.map(|b| b * 1e-3 * STANDARD_GRAVITY);
+        ImuNoise {
+            gyro_white: self
+                .gyro_arw_deg_per_sqrt_hour
+                .map_or(class.gyro_white, |x| x.to_radians() / 60.0),
+            accel_white: self
+                .accel_vrw_m_per_s_per_sqrt_hour
+                .map_or(class.accel_white, |x| x / 60.0),
+            gyro_bias_sigma: gyro_bias.unwrap_or(class.gyro_bias_sigma),
+            accel_bias_sigma: accel_bias.unwrap_or(class.accel_bias_sigma),
+            gyro_bias_tau: self.gyro_bias_tau_s.unwrap_or(class.gyro_bias_tau),
+            accel_bias_tau: self.accel_bias_tau_s.unwrap_or(class.accel_bias_tau),
+            gyro_turn_on_sigma: gyro_bias.unwrap_or(class.gyro_turn_on_sigma),
+            accel_turn_on_sigma: accel_bias.unwrap_or(class.accel_turn_on_sigma),
+        }
     }
 }
 

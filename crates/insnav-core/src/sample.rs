@@ -104,4 +104,43 @@ impl Sample {
     pub fn is_inertial(&self) -> bool {
         matches!(self, Sample::Imu(_) | Sample::ImuIncrement(_))
     }
+
+    /// `Err` with the name of the quantity that has a NaN or an infinity in it.
+    ///
+    /// The Down component of a GNSS velocity may be NaN ("horizontal only").
+    pub fn check_finite(&self) -> Result<(), &'static str> {
+        let finite = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
+        let covariance =
+            |c: &Option<Matrix3<f64>>| c.is_none_or(|c| c.iter().all(|x| x.is_finite()));
+        let checks: [(bool, &'static str); 2] = match self {
+            Sample::Imu(s) => [
+                (finite(&s.angular_rate_b), "angular rate"),
+                (finite(&s.specific_force_b), "specific force"),
+            ],
+            Sample::ImuIncrement(s) => [
+                (finite(&s.angle_b), "angle increment"),
+                (finite(&s.velocity_b), "velocity increment"),
+            ],
+            Sample::GnssPosition(s) => [
+                (s.position.is_valid(), "GNSS position"),
+                (covariance(&s.covariance_n), "GNSS position covariance"),
+            ],
+            Sample::GnssVelocity(s) => [
+                (
+                    s.velocity_n.xy().iter().all(|x| x.is_finite())
+                        && !s.velocity_n.z.is_infinite(),
+                    "GNSS velocity",
+                ),
+                (covariance(&s.covariance_n), "GNSS velocity covariance"),
+            ],
+            Sample::Heading(s) => [
+                (s.heading.is_finite(), "heading"),
+                (s.sigma.is_finite(), "heading sigma"),
+            ],
+        };
+        checks
+            .iter()
+            .find(|(ok, _)| !ok)
+            .map_or(Ok(()), |(_, what)| Err(what))
+    }
 }

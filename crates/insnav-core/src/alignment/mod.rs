@@ -1,8 +1,21 @@
 //! Alignment: attitude before there is one.
 
+#[cfg(feature = "std")]
+mod course;
+#[cfg(feature = "std")]
+mod levelling;
+#[cfg(feature = "std")]
+mod startup;
+#[cfg(feature = "std")]
+mod track;
+
+#[cfg(feature = "std")]
+pub use startup::Startup;
+
+use crate::filter::InitialSigma;
+use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
 use crate::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Where the heading of a start came from.
@@ -13,25 +26,27 @@ pub enum HeadingSource {
     CourseVelocity,
     /// Course of GNSS positions.
     CoursePosition,
-    /// Given by the user or by a heading sensor.
+    /// Given by the user.
     Given,
     /// None: heading is unknown, its sigma that of a uniform distribution.
     Unknown,
 }
 
-/// A start: attitude, its sigmas, and where they came from.
+/// A start: state at the first inertial sample, its sigmas, and where they came from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
-    /// State at the first sample.
+    /// State at the first inertial sample.
     pub nav: NavState,
-    /// Standard deviations of roll, pitch, heading as small rotations in NED, rad.
-    pub attitude_sigma: Vector3<f64>,
-    /// True when levelling used standing data, false when it averaged over motion.
-    pub levelled_at_rest: bool,
+    /// Sensor errors known from standing at the start; zero otherwise.
+    pub imu_errors: ImuErrors,
+    /// Standard deviations of all that.
+    pub sigma: InitialSigma,
+    /// Seconds of standing data that levelled the start; 0 when it was levelled in motion.
+    pub standing_s: f64,
     /// Where the heading came from.
     pub heading_source: HeadingSource,
     /// When the heading became known (the run itself begins at the first sample).
     pub heading_at: Time,
-    /// Rotation from body to NED at the first sample.
-    pub q_nb: UnitQuaternion<f64>,
+    /// True when the vehicle was found to drive backwards where its course was taken.
+    pub reversing: bool,
 }

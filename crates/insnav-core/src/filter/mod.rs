@@ -1,5 +1,23 @@
-//! The error-state filter.
+//! The error-state filter: named states, covariance kernel, dynamics, closed loop, gate.
 
+mod columns;
+mod covariance;
+mod dynamics;
+mod eskf;
+mod gate;
+mod layout;
+mod transition;
 mod update;
 
+pub use columns::{Columns, States, part};
+pub use covariance::{Covariance, Innovation};
+pub use dynamics::{GaussMarkov, fill_base};
+pub use eskf::{Eskf, InitialSigma, Linearized, Measurement, Nominal};
+pub use gate::Gate;
+pub use layout::{
+    ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, BASE, BLOCKS, Block, BlockInfo, CAPACITY, CLOCK_OFFSET,
+    GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING, ODOMETER_SCALE,
+    POSITION, VELOCITY,
+};
+pub use transition::Transition;
 pub use update::{Update, Verdict};

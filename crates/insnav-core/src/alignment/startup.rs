@@ -1,0 +1,321 @@
+//! The start of a run: keeps samples until attitude, position and heading are known at the first of them.
+
+use super::course::{self, Course};
+use super::levelling::{Level, level, level_with_velocity};
+use super::track::{Inertial, Track, inertial};
+use super::{Alignment, HeadingSource};
+use crate::attitude::Euler;
+use crate::config::{AlignmentConfig, Config, VehicleKind};
+use crate::earth::earth_rate_n;
+use crate::error::{Error, Result};
+use crate::filter::InitialSigma;
+use crate::imu::{ImuErrors, ImuNoise};
+use crate::mechanization::NavState;
+use crate::sample::{GnssPosition, GnssVelocity, Sample};
+use crate::time::Time;
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+use std::vec::Vec;
+
+/// After so long without a course the run begins with an unknown heading, s.
+const PATIENCE: f64 = 3600.0;
+/// Inertial data needed for a start whose heading is given, s.
+const LEAST_DATA: f64 = 10.0;
+/// Standard deviation of a given heading without one of its own, rad (5°).
+const GIVEN_SIGMA: f64 = 0.087;
+/// A uniform distribution over the circle: π/√3.
+const UNKNOWN_SIGMA: f64 = 1.813_8;
+/// The first fix is used again as a measurement: its sigma as a prior is widened so that this counts for 1 %.
+const PRIOR_WIDENING: f64 = 10.0;
+
+/// Samples since the first, and the search for a start.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Startup {
+    settings: AlignmentConfig,
+    vehicle: VehicleKind,
+    noise: ImuNoise,
+    lever_arm_b: Vector3<f64>,
+    samples: Vec<Sample>,
+    first_inertial: Option<Time>,
+    positions: Vec<GnssPosition>,
+    velocities: Vec<GnssVelocity>,
+    /// A GNSS sample has come since the last try.
+    fresh: Option<Fresh>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Fresh {
+    Position,
+    Velocity,
+    Inertial,
+}
+
+impl Startup {
+    /// With nothing yet.
+    pub fn new(config: &Config, noise: ImuNoise) -> Self {
+        Startup {
+            settings: config.alignment,
+            vehicle: config.vehicle.kind,
+            noise,
+            lever_arm_b: Vector3::from(config.gnss.lever_arm_b_m.unwrap_or_default()),
+            samples: Vec::new(),
+            first_inertial: None,
+            positions: Vec::new(),
+            velocities: Vec::new(),
+            fresh: None,
+        }
+    }
+
+    /// Keep a sample.
+    pub fn push(&mut self, sample: Sample) {
+        self.samples.push(sample);
+        match sample {
+            Sample::GnssPosition(p) => {
+                self.positions.push(p);
+                self.fresh = Some(Fresh::Position);
+            }
+            Sample::GnssVelocity(v) => {
+                self.velocities.push(v);
+                self.fresh = Some(Fresh::Velocity);
+            }
+            Sample::Imu(_) | Sample::ImuIncrement(_) => {
+                self.first_inertial = Some(
+                    self.first_inertial
+                        .map_or(sample.time(), |t| t.min(sample.time())),
+                );
+                self.fresh = Some(Fresh::Inertial);
+            }
+            Sample::Heading(_) => {}
+        }
+    }
+
+    /// Everything kept, in the order of time.
+    pub fn into_samples(mut self) -> Vec<Sample> {
+        self.sort();
+        self.samples
+    }
+
+    fn sort(&mut self) {
+        self.samples.sort_by_key(|s| (s.time(), s.is_inertial()));
+    }
+
+    /// A start, if the newest sample has made one possible. Cheap unless it has a chance.
+    pub fn try_align(&mut self) -> Option<Alignment> {
+        let begin = self.first_inertial?;
+        let newest = self.samples.last()?.time();
+        let fresh = self.fresh.take()?;
+        self.positions.first()?;
+        if self.settings.heading_deg.is_some() {
+            return if newest.since(begin) >= LEAST_DATA {
+                self.align(None)
+            } else {
+                None
+            };
+        }
+        if newest.since(begin) > PATIENCE {
+            return self.align(None);
+        }
+        if self.vehicle == VehicleKind::Any {
+            return None;
+        }
+        match fresh {
+            Fresh::Velocity if self.velocities.last().is_some_and(course::fast_enough) => self
+                .align(Some(Fresh::Velocity))
+                .filter(|a| a.heading_source != HeadingSource::Unknown),
+            // Receivers that give velocities are judged by them: chords are for those that give none.
+            Fresh::Position
+                if self.velocities.is_empty() && course::far_enough(&self.positions).is_some() =>
+            {
+                self.align(Some(Fresh::Position))
+                    .filter(|a| a.heading_source != HeadingSource::Unknown)
+            }
+            _ => None,
+        }
+    }
+
+    /// A start with whatever is there, at the end of a log.
+    ///
+    /// # Errors
+    /// `NotStarted` without inertial samples or without a position.
+    pub fn align_with_what_there_is(&mut self) -> Result<Alignment> {
+        if self.first_inertial.is_none() {
+            return Err(Error::NotStarted {
+                missing: "no inertial sample",
+            });
+        }
+        if self.positions.is_empty() {
+            return Err(Error::NotStarted {
+                missing: "no valid GNSS position",
+            });
+        }
+        self.align(None).ok_or(Error::NotStarted {
+            missing: "fewer than two inertial samples",
+        })
+    }
+
+    fn align(&mut self, by: Option<Fresh>) -> Option<Alignment> {
+        self.sort();
+        let imu = inertial(&self.samples);
+        let begin = imu.first()?.time;
+        let fix = *self
+            .positions
+            .iter()
+            .find(|p| p.time >= begin)
+            .or(self.positions.last())?;
+        let level = level(&imu, &self.positions, &self.velocities, &self.noise)?;
+        let bias = level
+            .standing_rate
+            .filter(|(rate, _)| rate.norm() < self.believable_rate());
+        let rough_bias = bias.map_or_else(Vector3::zeros, |(rate, _)| rate);
+        let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
+        let course = self.heading(by, &track, begin);
+        // What the gyros add while they carry the heading back.
+        let rate_sigma = bias.map_or(self.noise.gyro_turn_on_sigma, |(_, sigma)| {
+            sigma + self.noise.gyro_bias_sigma * 0.1
+        });
+        let carried = rate_sigma * course.at.since(begin).abs();
+        let level = if level.standing_rate.is_none() {
+            level_with_velocity(&imu, &self.velocities, course.heading, &level, &self.noise)
+                .unwrap_or(level)
+        } else {
+            level
+        };
+        Some(self.assemble(
+            &imu,
+            &fix,
+            &level,
+            &course,
+            course.sigma.hypot(carried).min(UNKNOWN_SIGMA),
+            bias,
+        ))
+    }
+
+    /// A standing rate above this is no bias but a turn, rad/s.
+    fn believable_rate(&self) -> f64 {
+        4.0 * self.noise.gyro_turn_on_sigma + crate::earth::EARTH_RATE
+    }
+
+    fn heading(&self, by: Option<Fresh>, track: &Track, begin: Time) -> Course {
+        let other = |heading, sigma, source| Course {
+            heading,
+            sigma,
+            at: begin,
+            source,
+            reversing: false,
+        };
+        if let Some(heading) = self.settings.heading_deg {
+            let sigma = self
+                .settings
+                .heading_sigma_deg
+                .map_or(GIVEN_SIGMA, f64::to_radians);
+            return other(heading.to_radians(), sigma, HeadingSource::Given);
+        }
+        let found = match by {
+            Some(Fresh::Velocity) => course::by_velocity(&self.velocities, track),
+            Some(Fresh::Position) => course::far_enough(&self.positions)
+                .and_then(|from| course::by_position(&self.positions, from, track)),
+            _ => None,
+        };
+        found.unwrap_or_else(|| other(0.0, UNKNOWN_SIGMA, HeadingSource::Unknown))
+    }
+
+    fn assemble(
+        &self,
+        imu: &[Inertial],
+        fix: &GnssPosition,
+        level: &Level,
+        course: &Course,
+        heading_sigma: f64,
+        bias: Option<(Vector3<f64>, f64)>,
+    ) -> Alignment {
+        let begin = imu[0].time;
+        let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
+        let earth_rate_b = q_nb.inverse_transform_vector(&earth_rate_n(fix.position.latitude));
+        let (gyro_bias, gyro_sigma) = match bias {
+            // The Earth rate is known up to the heading's error; the bias moves on while the filter takes over.
+            Some((rate, sigma)) => (
+                rate - earth_rate_b,
+                sigma
+                    .hypot(0.1 * self.noise.gyro_bias_sigma)
+                    .hypot(crate::earth::EARTH_RATE * heading_sigma.min(1.0)),
+            ),
+            None => (Vector3::zeros(), self.noise.gyro_turn_on_sigma),
+        };
+        let (velocity_n, velocity_sigma) = self.velocity_at(begin, level.standing_s > 0.0);
+        let since = begin.since(fix.time);
+        let lever_n = q_nb * self.lever_arm_b;
+        let fix_sigma = fix
+            .covariance_n
+            .map_or(Vector3::repeat(3.0), |c| c.diagonal().map(f64::sqrt));
+        let nav = NavState {
+            time: begin,
+            position: fix.position.offset(&(velocity_n * since - lever_n)),
+            velocity_n,
+            q_nb,
+        };
+        let spread = velocity_sigma * since.abs() + 0.5 * since * since;
+        Alignment {
+            nav,
+            imu_errors: ImuErrors {
+                gyro_bias,
+                accel_bias: Vector3::zeros(),
+            },
+            sigma: InitialSigma {
+                position: fix_sigma.map(|s| (PRIOR_WIDENING * s).hypot(spread).max(1.0)),
+                velocity: Vector3::repeat(velocity_sigma),
+                attitude: Vector3::new(level.tilt_sigma, level.tilt_sigma, heading_sigma),
+                gyro_bias: Vector3::repeat(gyro_sigma),
+                accel_bias: Vector3::repeat(self.noise.accel_turn_on_sigma),
+            },
+            standing_s: level.standing_s,
+            heading_source: course.source,
+            heading_at: course.at,
+            reversing: course.reversing,
+        }
+    }
+
+    /// Velocity at the begin, NED, and its standard deviation as a prior.
+    fn velocity_at(&self, begin: Time, standing: bool) -> (Vector3<f64>, f64) {
+        if standing {
+            return (Vector3::zeros(), 0.3);
+        }
+        let nearest = self.velocities.iter().min_by(|a, b| {
+            a.time
+                .since(begin)
+                .abs()
+                .total_cmp(&b.time.since(begin).abs())
+        });
+        if let Some(v) = nearest.filter(|v| v.time.since(begin).abs() < 2.0) {
+            let down = if v.velocity_n.z.is_nan() {
+                0.0
+            } else {
+                v.velocity_n.z
+            };
+            return (
+                Vector3::new(v.velocity_n.x, v.velocity_n.y, down),
+                1.0 + v.time.since(begin).abs(),
+            );
+        }
+        // Positions only: the mean velocity over the first seconds.
+        let mut early = self
+            .positions
+            .iter()
+            .filter(|p| (-1.0..4.0).contains(&p.time.since(begin)));
+        if let (Some(a), Some(b)) = (early.next(), early.next_back())
+            && b.time.since(a.time) >= 1.0
+        {
+            return (
+                a.position.offset_to(&b.position) / b.time.since(a.time),
+                5.0,
+            );
+        }
+        (Vector3::zeros(), 20.0)
+    }
+}
+
+impl Alignment {
+    /// Roll, pitch and heading at the first sample.
+    pub fn euler(&self) -> Euler {
+        Euler::from_quaternion(&self.nav.q_nb)
+    }
+}

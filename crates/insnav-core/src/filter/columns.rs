@@ -1,0 +1,162 @@
+//! A few rows over the open states, kept as their non-zero columns: rows of Φ − I, and H.
+
+use super::layout::{Block, CAPACITY, Layout};
+use nalgebra::SMatrix;
+
+/// `M` rows over the open states: only the columns that were put, each with its place.
+///
+/// A block that is not open is left out silently: the same lines serve every model, whichever blocks are on. A column may
+/// be put twice; every use is linear, so the parts add.
+#[derive(Clone, Copy, Debug)]
+pub struct Columns<const M: usize> {
+    place: [u8; CAPACITY],
+    value: [[f64; M]; CAPACITY],
+    len: usize,
+}
+
+impl<const M: usize> Default for Columns<M> {
+    fn default() -> Self {
+        Columns {
+            place: [0; CAPACITY],
+            value: [[0.0; M]; CAPACITY],
+            len: 0,
+        }
+    }
+}
+
+impl<const M: usize> Columns<M> {
+    /// Take everything out, keep the storage (filling with zeros would cost three times the refill).
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// Put the columns of one block.
+    #[inline]
+    pub fn put<const N: usize>(
+        &mut self,
+        layout: &Layout,
+        block: Block<N>,
+        rows: &SMatrix<f64, M, N>,
+    ) {
+        let Some(at) = layout.offset(block) else {
+            return;
+        };
+        for c in 0..N {
+            let mut column = [0.0; M];
+            for (r, x) in column.iter_mut().enumerate() {
+                *x = rows[(r, c)];
+            }
+            self.push(at + c, column);
+        }
+    }
+
+    /// Put one column of a block.
+    #[inline]
+    pub fn put_axis<const N: usize>(
+        &mut self,
+        layout: &Layout,
+        block: Block<N>,
+        axis: usize,
+        column: [f64; M],
+    ) {
+        debug_assert!(axis < N);
+        if let Some(at) = layout.offset(block) {
+            self.push(at + axis, column);
+        }
+    }
+
+    #[inline]
+    fn push(&mut self, place: usize, column: [f64; M]) {
+        // A list longer than the capacity means a column put again: add it to the one that is there.
+        if self.len == CAPACITY {
+            for (p, v) in self.place.iter().zip(&mut self.value) {
+                if usize::from(*p) == place {
+                    for (x, y) in v.iter_mut().zip(column) {
+                        *x += y;
+                    }
+                    return;
+                }
+            }
+        }
+        self.place[self.len] = place as u8;
+        self.value[self.len] = column;
+        self.len += 1;
+    }
+
+    /// The columns: place among the open states, and values.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = (usize, &[f64; M])> {
+        self.place
+            .iter()
+            .zip(&self.value)
+            .take(self.len)
+            .map(|(p, v)| (usize::from(*p), v))
+    }
+
+    /// The first `L` rows alone.
+    pub fn leading<const L: usize>(&self) -> Columns<L> {
+        const { assert!(L <= M) };
+        let mut out = Columns {
+            place: self.place,
+            len: self.len,
+            ..Columns::default()
+        };
+        for (to, from) in out.value.iter_mut().zip(&self.value) {
+            to.copy_from_slice(&from[..L]);
+        }
+        out
+    }
+
+    /// Product with a vector over the open states.
+    pub fn times(&self, x: &States) -> [f64; M] {
+        let mut out = [0.0; M];
+        for (j, v) in self.iter() {
+            for (o, v) in out.iter_mut().zip(v) {
+                *o += v * x[j];
+            }
+        }
+        out
+    }
+}
+
+/// A vector over the open states; what lies beyond them is zero.
+pub type States = [f64; CAPACITY];
+
+/// The part of a vector that belongs to a block; `None` when the block is not open.
+pub fn part<const N: usize>(
+    layout: &Layout,
+    x: &States,
+    block: Block<N>,
+) -> Option<nalgebra::SVector<f64, N>> {
+    layout
+        .range(block)
+        .map(|r| nalgebra::SVector::from_column_slice(&x[r]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::{ATTITUDE, GYRO_SCALE, VELOCITY};
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn a_closed_block_is_left_out() {
+        let mut h = Columns::<3>::default();
+        h.put(&Layout::default(), GYRO_SCALE, &Matrix3::identity());
+        assert_eq!(h.iter().count(), 0);
+    }
+
+    #[test]
+    fn columns_put_twice_add_even_past_the_capacity() {
+        let layout = Layout::default();
+        let mut h = Columns::<3>::default();
+        for _ in 0..20 {
+            h.put(&layout, VELOCITY, &Matrix3::identity());
+        }
+        h.put_axis(&layout, VELOCITY, 1, [0.5, 0.0, 0.0]);
+        let mut x = [0.0; CAPACITY];
+        (x[3], x[4], x[5]) = (1.0, 2.0, 3.0);
+        assert_eq!(h.times(&x), [21.0, 40.0, 60.0]);
+        assert_eq!(part(&layout, &x, ATTITUDE).unwrap().norm(), 0.0);
+    }
+}

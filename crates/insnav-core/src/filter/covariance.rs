@@ -1,0 +1,457 @@
+//! The covariance of the open states and every operation on it.
+//!
+//! Number of states at run time inside a fixed capacity; Φ applied as three successive row shears (position, velocity,
+//! attitude) instead of two matrix products; updates as rank-M corrections. Exactly symmetric throughout.
+
+use super::columns::{Columns, States};
+use super::layout::{Block, CAPACITY, Layout};
+use super::transition::Transition;
+use crate::error::Result;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+/// Columns that are worked on together: four double-precision numbers fill two registers of plain x86-64 and one of AVX.
+const LANE: usize = 4;
+const LANES: usize = CAPACITY / LANE;
+
+/// Above this ratio of predicted to measured variance, P − WᵀW loses the digits of the result: the update then takes
+/// Joseph's form. The relative error of a variance is about 1e-16 times the ratio.
+const JOSEPH_RATIO: f64 = 1e10;
+
+/// Covariance matrix over the open states of a [`Layout`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Covariance {
+    layout: Layout,
+    /// Row, lane, column within the lane; what lies beyond the open states is zero.
+    p: [[[f64; LANE]; LANES]; CAPACITY],
+}
+
+/// What a measurement says of the states before it is used: its size against its own covariance, and the gain.
+#[derive(Clone, Debug)]
+pub struct Innovation<const M: usize> {
+    /// Covariance of the residual, S = H P Hᵀ + R.
+    pub s: SMatrix<f64, M, M>,
+    /// Normalised innovation squared, rᵀ S⁻¹ r.
+    pub nis: f64,
+    /// L⁻¹ H P, where S = L Lᵀ.
+    w: [[[f64; LANE]; LANES]; M],
+    /// L⁻¹ r.
+    y: [f64; M],
+}
+
+impl Default for Covariance {
+    fn default() -> Self {
+        Covariance {
+            layout: Layout::default(),
+            p: [[[0.0; LANE]; LANES]; CAPACITY],
+        }
+    }
+}
+
+impl Covariance {
+    /// Which states are open.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The covariance between two blocks; `None` when one of them is not open.
+    pub fn block<const R: usize, const C: usize>(
+        &self,
+        rows: Block<R>,
+        columns: Block<C>,
+    ) -> Option<SMatrix<f64, R, C>> {
+        let (r, c) = (self.layout.offset(rows)?, self.layout.offset(columns)?);
+        Some(SMatrix::from_fn(|i, j| self.get(r + i, c + j)))
+    }
+
+    /// Set the covariance within one open block and drop its correlations with all others; no effect on a closed block.
+    pub fn set_prior<const N: usize>(&mut self, block: Block<N>, prior: &SMatrix<f64, N, N>) {
+        let Some(at) = self.layout.offset(block) else {
+            return;
+        };
+        for i in at..at + N {
+            self.clear_row(i);
+        }
+        for i in 0..N {
+            for j in 0..N {
+                self.set(at + i, at + j, 0.5 * (prior[(i, j)] + prior[(j, i)]));
+            }
+        }
+    }
+
+    /// Add an independent uncertainty to one open block.
+    pub fn add<const N: usize>(&mut self, block: Block<N>, extra: &SMatrix<f64, N, N>) {
+        let Some(at) = self.layout.offset(block) else {
+            return;
+        };
+        for i in 0..N {
+            for j in 0..N {
+                let x = self.get(at + i, at + j) + 0.5 * (extra[(i, j)] + extra[(j, i)]);
+                self.set(at + i, at + j, x);
+            }
+        }
+    }
+
+    /// The leading `N` states as a dense matrix.
+    pub fn dense<const N: usize>(&self) -> SMatrix<f64, N, N> {
+        const { assert!(N <= CAPACITY) };
+        SMatrix::from_fn(|i, j| self.get(i, j))
+    }
+
+    /// P ← Φ P Φᵀ + Q with Φ = D A V X: position, velocity and attitude shears, then the decay of the slow states.
+    pub fn propagate(&mut self, phi: &Transition) {
+        self.shear(Transition::POSITION_ROW, &phi.position);
+        self.shear(Transition::VELOCITY_ROW, &phi.velocity);
+        self.shear(Transition::ATTITUDE_ROW, &phi.attitude);
+        let n = self.layout.len();
+        let lanes = n.div_ceil(LANE).min(LANES);
+        for i in 0..n {
+            // Columns before the slow states keep their values in fast rows: only the slow lanes are touched there.
+            let first = if i < Transition::SLOW {
+                Transition::SLOW / LANE
+            } else {
+                0
+            };
+            for k in first..lanes {
+                for l in 0..LANE {
+                    self.p[i & (CAPACITY - 1)][k][l] *= phi.decay[i] * phi.decay[k * LANE + l];
+                }
+            }
+        }
+        // Noise last: added before a shear it would be sheared too.
+        for i in 0..n {
+            self.p[i & (CAPACITY - 1)][i / LANE][i % LANE] += phi.noise[i];
+        }
+    }
+
+    /// P ← (I + E) P (I + E)ᵀ, where E fills the three rows from `row`.
+    #[inline]
+    fn shear(&mut self, row: usize, e: &Columns<3>) {
+        debug_assert!(row + 3 <= self.layout.len());
+        let n = self.layout.len();
+        for k in 0..n.div_ceil(LANE).min(LANES) {
+            let mut sum = [self.p[row][k], self.p[row + 1][k], self.p[row + 2][k]];
+            for (j, g) in e.iter() {
+                let p = &self.p[j & (CAPACITY - 1)][k];
+                for a in 0..3 {
+                    for l in 0..LANE {
+                        sum[a][l] += g[a] * p[l];
+                    }
+                }
+            }
+            for a in 0..3 {
+                self.p[row + a][k] = sum[a];
+            }
+        }
+        // The 3×3 block on the diagonal is multiplied from the right as well.
+        let mut right = [[0.0; 3]; 3];
+        for (j, g) in e.iter() {
+            for a in 0..3 {
+                for b in 0..=a {
+                    right[a][b] += self.get(row + a, j) * g[b];
+                }
+            }
+        }
+        for a in 0..3 {
+            for b in 0..=a {
+                let x = self.get(row + a, row + b) + right[a][b];
+                self.set(row + a, row + b, x);
+                self.set(row + b, row + a, x);
+            }
+        }
+        for i in 0..n {
+            for a in 0..3 {
+                let x = self.get(row + a, i);
+                self.set(i, row + a, x);
+            }
+        }
+    }
+
+    /// Compare a residual with its prediction; `Err(pivot)` when S = H P Hᵀ + R is not positive definite.
+    pub fn innovation<const M: usize>(
+        &self,
+        h: &Columns<M>,
+        r: &SMatrix<f64, M, M>,
+        residual: &SVector<f64, M>,
+    ) -> core::result::Result<Innovation<M>, f64> {
+        let (hp, hph) = self.project(h);
+        Innovation::new(hp, hph + r, residual, self.layout.len())
+    }
+
+    /// H P and H P Hᵀ.
+    fn project<const M: usize>(
+        &self,
+        h: &Columns<M>,
+    ) -> ([[[f64; LANE]; LANES]; M], SMatrix<f64, M, M>) {
+        let lanes = self.layout.len().div_ceil(LANE).min(LANES);
+        let mut hp = [[[0.0; LANE]; LANES]; M];
+        for (j, g) in h.iter() {
+            let row = &self.p[j & (CAPACITY - 1)];
+            for a in 0..M {
+                for k in 0..lanes {
+                    for l in 0..LANE {
+                        hp[a][k][l] += g[a] * row[k][l];
+                    }
+                }
+            }
+        }
+        let mut hph = SMatrix::<f64, M, M>::zeros();
+        for (j, g) in h.iter() {
+            for a in 0..M {
+                for b in 0..=a {
+                    hph[(a, b)] += hp[a][j / LANE % LANES][j % LANE] * g[b];
+                }
+            }
+        }
+        for a in 0..M {
+            for b in 0..a {
+                hph[(b, a)] = hph[(a, b)];
+            }
+        }
+        (hp, hph)
+    }
+
+    /// Use a measurement: P shrinks, and the correction of the states comes back.
+    ///
+    /// `h`, `r` must be those that made the innovation.
+    pub fn correct<const M: usize>(
+        &mut self,
+        innovation: &Innovation<M>,
+        h: &Columns<M>,
+        r: &SMatrix<f64, M, M>,
+    ) -> States {
+        let n = self.layout.len();
+        let mut dx = [0.0; CAPACITY];
+        for (w, y) in innovation.w.iter().zip(innovation.y) {
+            for (dx, w) in dx.iter_mut().zip(w.as_flattened()).take(n) {
+                *dx += w * y;
+            }
+        }
+        let ill = (0..M).any(|a| innovation.s[(a, a)] > (1.0 + JOSEPH_RATIO) * r[(a, a)]);
+        if ill {
+            self.correct_joseph(innovation, h, r);
+        } else {
+            for i in 0..n {
+                for k in 0..n.div_ceil(LANE).min(LANES) {
+                    let mut x = self.p[i & (CAPACITY - 1)][k];
+                    for w in &innovation.w {
+                        let wi = w[i / LANE % LANES][i % LANE];
+                        for l in 0..LANE {
+                            x[l] -= wi * w[k][l];
+                        }
+                    }
+                    self.p[i & (CAPACITY - 1)][k] = x;
+                }
+            }
+        }
+        dx
+    }
+
+    /// P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ: slower, positive whatever the ratio of P to R.
+    #[cold]
+    fn correct_joseph<const M: usize>(
+        &mut self,
+        innovation: &Innovation<M>,
+        h: &Columns<M>,
+        r: &SMatrix<f64, M, M>,
+    ) {
+        let n = self.layout.len();
+        // K = (L⁻ᵀ W)ᵀ, column by column of W.
+        let mut gain = [[0.0; M]; CAPACITY];
+        let cholesky = innovation.s.cholesky();
+        for (i, gain) in gain.iter_mut().enumerate().take(n) {
+            let mut w = SVector::<f64, M>::from_fn(|a, _| innovation.w[a][i / LANE][i % LANE]);
+            if let Some(c) = &cholesky {
+                c.l().tr_solve_lower_triangular_mut(&mut w);
+            }
+            for a in 0..M {
+                gain[a] = w[a];
+            }
+        }
+        // A = (I − K H) P first by rows, then by columns of the result.
+        let mut a = self.p;
+        for i in 0..n {
+            for (j, g) in h.iter() {
+                let kh: f64 = (0..M).map(|m| gain[i][m] * g[m]).sum();
+                for k in 0..LANES {
+                    for l in 0..LANE {
+                        a[i][k][l] -= kh * self.p[j][k][l];
+                    }
+                }
+            }
+        }
+        let mut right = [[0.0; M]; CAPACITY];
+        for (i, right) in right.iter_mut().enumerate().take(n) {
+            for (j, g) in h.iter() {
+                for m in 0..M {
+                    right[m] += a[i][j / LANE][j % LANE] * g[m];
+                }
+            }
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                let mut x = a[i][j / LANE][j % LANE];
+                for m in 0..M {
+                    let rk: f64 = (0..M).map(|b| r[(m, b)] * gain[j][b]).sum();
+                    x += gain[i][m] * rk - right[i][m] * gain[j][m];
+                }
+                self.set(i, j, x);
+                self.set(j, i, x);
+            }
+        }
+    }
+
+    /// Open an optional block with an independent prior; an open one gets the prior anew.
+    ///
+    /// # Errors
+    /// `Capacity` when there is no room.
+    pub fn open<const N: usize>(
+        &mut self,
+        block: Block<N>,
+        prior: &SMatrix<f64, N, N>,
+    ) -> Result<()> {
+        self.layout.open(block)?;
+        self.set_prior(block, prior);
+        Ok(())
+    }
+
+    /// Drop an optional block (marginalise it); the states behind it move up. No effect on base blocks or a closed block.
+    pub fn close<const N: usize>(&mut self, block: Block<N>) {
+        let n = self.layout.len();
+        let Some(gone) = self.layout.close(block) else {
+            return;
+        };
+        for i in gone..n - N {
+            self.p[i] = self.p[i + N];
+        }
+        for i in 0..n {
+            for j in gone..n - N {
+                let x = self.get(i, j + N);
+                self.set(i, j, x);
+            }
+        }
+        for i in n - N..n {
+            self.clear_row(i);
+        }
+    }
+
+    /// Move one state with all its covariances into a block of its own, leaving zero behind: P ← T P Tᵀ.
+    ///
+    /// The total, the two together, is unchanged; [`Covariance::merge`] is the exact way back ([Kozadaev17] eq. 9–12 with the
+    /// cross-covariances kept).
+    ///
+    /// # Errors
+    /// `Capacity` when there is no room.
+    pub fn split<const N: usize>(
+        &mut self,
+        from: Block<N>,
+        axis: usize,
+        into: Block<1>,
+    ) -> Result<()> {
+        let Some(source) = self.layout.offset(from).map(|at| at + axis) else {
+            return Ok(());
+        };
+        let target = self.layout.open(into)?;
+        self.p[target] = self.p[source];
+        for i in 0..self.layout.len() {
+            let x = self.get(i, source);
+            self.set(i, target, x);
+        }
+        let variance = self.get(source, source);
+        self.set(target, target, variance);
+        self.clear_row(source);
+        Ok(())
+    }
+
+    /// Add a block of one state to another state and drop it: P ← S P Sᵀ, the inverse of [`Covariance::split`].
+    pub fn merge<const N: usize>(&mut self, from: Block<1>, into: Block<N>, axis: usize) {
+        let (Some(source), Some(target)) = (
+            self.layout.offset(from),
+            self.layout.offset(into).map(|at| at + axis),
+        ) else {
+            return;
+        };
+        let variance =
+            self.get(target, target) + 2.0 * self.get(target, source) + self.get(source, source);
+        for j in 0..self.layout.len() {
+            if j != target && j != source {
+                let x = self.get(target, j) + self.get(source, j);
+                self.set(target, j, x);
+                self.set(j, target, x);
+            }
+        }
+        self.set(target, target, variance);
+        self.close(from);
+    }
+
+    #[inline]
+    fn get(&self, i: usize, j: usize) -> f64 {
+        debug_assert!(i < CAPACITY && j < CAPACITY);
+        self.p[i & (CAPACITY - 1)][j / LANE % LANES][j % LANE]
+    }
+
+    #[inline]
+    fn set(&mut self, i: usize, j: usize, x: f64) {
+        debug_assert!(i < CAPACITY && j < CAPACITY);
+        self.p[i & (CAPACITY - 1)][j / LANE % LANES][j % LANE] = x;
+    }
+
+    fn clear_row(&mut self, i: usize) {
+        self.p[i] = [[0.0; LANE]; LANES];
+        for j in 0..CAPACITY {
+            self.set(j, i, 0.0);
+        }
+    }
+}
+
+impl<const M: usize> Innovation<M> {
+    fn new(
+        hp: [[[f64; LANE]; LANES]; M],
+        s: SMatrix<f64, M, M>,
+        residual: &SVector<f64, M>,
+        n: usize,
+    ) -> core::result::Result<Self, f64> {
+        let lanes = n.div_ceil(LANE).min(LANES);
+        let (mut w, mut y) = (hp, [0.0; M]);
+        let mut lower = [[0.0; M]; M];
+        // Cholesky of S and forward substitution in one pass, row by row.
+        for a in 0..M {
+            for b in 0..a {
+                let mut x = s[(a, b)];
+                for c in 0..b {
+                    x -= lower[a][c] * lower[b][c];
+                }
+                lower[a][b] = x / lower[b][b];
+            }
+            let mut pivot = s[(a, a)];
+            for c in 0..a {
+                pivot -= lower[a][c] * lower[a][c];
+            }
+            // Written so that NaN fails too.
+            if !(pivot > 0.0 && pivot.is_finite()) {
+                return Err(pivot);
+            }
+            lower[a][a] = pivot.sqrt();
+            let scale = 1.0 / lower[a][a];
+            y[a] = residual[a];
+            for b in 0..a {
+                y[a] -= lower[a][b] * y[b];
+            }
+            y[a] *= scale;
+            let (done, rest) = w.split_at_mut(a);
+            for k in 0..lanes {
+                for l in 0..LANE {
+                    let mut x = rest[0][k][l];
+                    for b in 0..a {
+                        x -= lower[a][b] * done[b][k][l];
+                    }
+                    rest[0][k][l] = x * scale;
+                }
+            }
+        }
+        let nis = y.iter().map(|y| y * y).sum();
+        Ok(Innovation { s, nis, w, y })
+    }
+}

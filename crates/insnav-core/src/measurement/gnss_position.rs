@@ -1,0 +1,83 @@
+//! GNSS position of an antenna on a lever arm.
+
+use super::{UNSTATED_POSITION_SIGMA, believable};
+use crate::attitude::skew;
+use crate::config::GnssConfig;
+use crate::earth::Geodetic;
+use crate::error::Result;
+use crate::filter::{
+    ATTITUDE, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, POSITION, Update,
+};
+use crate::sample::GnssPosition;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// One fix: r = p_gnss − (p + C l), metres NED.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GnssPositionModel {
+    /// Position of the antenna.
+    pub position: Geodetic,
+    /// Antenna from the IMU, body axes, m.
+    pub lever_arm_b: Vector3<f64>,
+    /// Covariance, NED, m².
+    pub r: Matrix3<f64>,
+}
+
+impl Measurement<3> for GnssPositionModel {
+    fn name(&self) -> &'static str {
+        "gnss_position"
+    }
+
+    fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
+        let lever_n = at.nav.q_nb * self.lever_arm_b;
+        let mut h = Columns::default();
+        h.put(layout, POSITION, &Matrix3::identity());
+        h.put(layout, ATTITUDE, &-skew(&lever_n));
+        Linearized {
+            residual: at.nav.position.offset(&lever_n).offset_to(&self.position),
+            h,
+            r: self.r,
+        }
+    }
+}
+
+/// When and how positions are used.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GnssPositionAid {
+    lever_arm_b: Vector3<f64>,
+    sigma_floor: f64,
+    sigma_scale: f64,
+    gate: Gate,
+}
+
+impl GnssPositionAid {
+    /// From the settings.
+    pub fn new(config: &GnssConfig) -> Self {
+        GnssPositionAid {
+            lever_arm_b: Vector3::from(config.lever_arm_b_m.unwrap_or_default()),
+            sigma_floor: config.sigma_floor_m,
+            sigma_scale: config.sigma_scale,
+            gate: Gate::default(),
+        }
+    }
+
+    /// The model of one fix.
+    pub fn model(&self, fix: &GnssPosition) -> GnssPositionModel {
+        let stated = fix.covariance_n.unwrap_or(Matrix3::from_diagonal_element(
+            UNSTATED_POSITION_SIGMA * UNSTATED_POSITION_SIGMA,
+        ));
+        GnssPositionModel {
+            position: fix.position,
+            lever_arm_b: self.lever_arm_b,
+            r: believable(&stated, self.sigma_scale, self.sigma_floor),
+        }
+    }
+
+    /// Offer a fix to the filter.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn observe(&mut self, fix: &GnssPosition, filter: &mut Eskf) -> Result<Update> {
+        filter.update(&self.model(fix), fix.time, &mut self.gate)
+    }
+}

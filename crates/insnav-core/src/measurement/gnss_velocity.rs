@@ -1,0 +1,115 @@
+//! GNSS velocity of an antenna on a lever arm.
+
+use super::{UNSTATED_VELOCITY_SIGMA, believable};
+use crate::attitude::skew;
+use crate::config::GnssConfig;
+use crate::earth::earth_rate_n;
+use crate::error::Result;
+use crate::filter::{
+    ATTITUDE, Columns, Eskf, GYRO_BIAS, Gate, Layout, Linearized, Measurement, Nominal, Update,
+    VELOCITY,
+};
+use crate::sample::GnssVelocity;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// One velocity: r = v_gnss − (v + C (ω_ib × l) − ω_ie × C l), m/s NED.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GnssVelocityModel {
+    /// Velocity of the antenna over ground, NED, m/s.
+    pub velocity_n: Vector3<f64>,
+    /// Antenna from the IMU, body axes, m.
+    pub lever_arm_b: Vector3<f64>,
+    /// Covariance, NED, m²/s².
+    pub r: Matrix3<f64>,
+}
+
+impl Measurement<3> for GnssVelocityModel {
+    fn name(&self) -> &'static str {
+        "gnss_velocity"
+    }
+
+    fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
+        let c = at.nav.q_nb.to_rotation_matrix().into_inner();
+        let lever_n = c * self.lever_arm_b;
+        let swing_n = c * at.rate_b.cross(&self.lever_arm_b);
+        let w_ie = earth_rate_n(at.nav.position.latitude);
+        let mut h = Columns::default();
+        h.put(layout, VELOCITY, &Matrix3::identity());
+        h.put(
+            layout,
+            ATTITUDE,
+            &(skew(&w_ie) * skew(&lever_n) - skew(&swing_n)),
+        );
+        h.put(layout, GYRO_BIAS, &(c * skew(&self.lever_arm_b)));
+        let predicted = at.nav.velocity_n + swing_n - w_ie.cross(&lever_n);
+        Linearized {
+            residual: self.velocity_n - predicted,
+            h,
+            r: self.r,
+        }
+    }
+}
+
+/// The two horizontal components alone, for receivers that give speed and course.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HorizontalVelocityModel(pub GnssVelocityModel);
+
+impl Measurement<2> for HorizontalVelocityModel {
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<2> {
+        let full = self.0.linearize(at, layout);
+        Linearized {
+            residual: full.residual.fixed_rows::<2>(0).into_owned(),
+            h: full.h.leading(),
+            r: full.r.fixed_view::<2, 2>(0, 0).into_owned(),
+        }
+    }
+}
+
+/// When and how velocities are used.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GnssVelocityAid {
+    lever_arm_b: Vector3<f64>,
+    sigma_floor: f64,
+    gate: Gate,
+}
+
+impl GnssVelocityAid {
+    /// From the settings.
+    pub fn new(config: &GnssConfig) -> Self {
+        GnssVelocityAid {
+            lever_arm_b: Vector3::from(config.lever_arm_b_m.unwrap_or_default()),
+            sigma_floor: config.velocity_sigma_floor_m_per_s,
+            gate: Gate::default(),
+        }
+    }
+
+    /// The model of one velocity.
+    pub fn model(&self, fix: &GnssVelocity) -> GnssVelocityModel {
+        let stated = fix.covariance_n.unwrap_or(Matrix3::from_diagonal_element(
+            UNSTATED_VELOCITY_SIGMA * UNSTATED_VELOCITY_SIGMA,
+        ));
+        GnssVelocityModel {
+            velocity_n: fix.velocity_n,
+            lever_arm_b: self.lever_arm_b,
+            r: believable(&stated, 1.0, self.sigma_floor),
+        }
+    }
+
+    /// Offer a velocity to the filter; with a NaN Down component, its horizontal part.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn observe(&mut self, fix: &GnssVelocity, filter: &mut Eskf) -> Result<Update> {
+        let model = self.model(fix);
+        if fix.velocity_n.z.is_nan() {
+            filter.update(&HorizontalVelocityModel(model), fix.time, &mut self.gate)
+        } else {
+            filter.update(&model, fix.time, &mut self.gate)
+        }
+    }
+}

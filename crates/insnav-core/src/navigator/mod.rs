@@ -1,0 +1,335 @@
+//! The navigator: samples in, solution out. The one loop of the project.
+
+mod horizon;
+
+pub use horizon::HORIZON_CAPACITY;
+
+use crate::alignment::Alignment;
+#[cfg(feature = "std")]
+use crate::alignment::Startup;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::filter::{Eskf, InitialSigma};
+use crate::imu::{ImuErrors, ImuNoise};
+use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid};
+use crate::mechanization::{Increment, IncrementBuilder, NavState};
+use crate::sample::Sample;
+use crate::solution::{Epoch, Event, Motion, Sink};
+use crate::stationary::GnssSpeed;
+use horizon::{Horizon, NotTaken};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Between the head and the tail, s, on top of what the clocks differ by.
+const DELAY: f64 = 0.5;
+
+/// A longer interval between inertial samples is a gap, s.
+const GAP: f64 = 0.2;
+/// What a car may do unseen in a gap, beyond what the samples at its ends show: rate, rad/s, and specific force, m/s².
+const GAP_RATE_SIGMA: f64 = 0.1;
+const GAP_FORCE_SIGMA: f64 = 1.0;
+
+/// Turns samples into a navigation solution: start, delayed horizon, strapdown, filter, aiding.
+///
+/// ```
+/// use insnav_core::{config::Config, imu::ImuGrade, navigator::Navigator, solution::{Epoch, Sink}};
+///
+/// struct Last(Option<Epoch>);
+/// impl Sink for Last {
+///     fn epoch(&mut self, epoch: &Epoch) { self.0 = Some(epoch.clone()); }
+/// }
+/// # fn main() -> insnav_core::error::Result<()> {
+/// # let samples: Vec<insnav_core::sample::Sample> = Vec::new();
+/// let mut navigator = Navigator::new(&Config::default(), ImuGrade::Consumer.noise())?;
+/// let mut last = Last(None);
+/// for sample in &samples {
+///     navigator.step(sample, &mut last)?;
+/// }
+/// # if samples.is_empty() { return Ok(()); }
+/// navigator.finish(&mut last)?; // the last half second is still in the horizon
+/// # Ok(()) }
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Navigator {
+    time_offset: f64,
+    velocity_lag: f64,
+    noise: ImuNoise,
+    stage: Stage,
+    horizon: Horizon,
+    builder: IncrementBuilder,
+    position: GnssPositionAid,
+    velocity: GnssVelocityAid,
+    heading: HeadingAid,
+    speed: GnssSpeed,
+}
+
+/// Before and after the start.
+// The filter stands inside, not behind a pointer: there is one navigator, and no allocator to rely on.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+enum Stage {
+    #[cfg(feature = "std")]
+    Starting(Startup),
+    Running(Eskf),
+}
+
+impl Navigator {
+    /// Wait for a start: samples are kept until attitude and position are known, then the run begins at the first of them.
+    ///
+    /// # Errors
+    /// `Config` for a setting outside its range.
+    #[cfg(feature = "std")]
+    pub fn new(config: &Config, noise: ImuNoise) -> Result<Self> {
+        let startup = Startup::new(config, noise);
+        Self::at_stage(config, noise, Stage::Starting(startup))
+    }
+
+    /// Start at a known state, without waiting.
+    ///
+    /// # Errors
+    /// `Config` for a setting outside its range.
+    pub fn aligned(
+        config: &Config,
+        noise: ImuNoise,
+        nav: NavState,
+        imu_errors: ImuErrors,
+        sigma: &InitialSigma,
+    ) -> Result<Self> {
+        Self::at_stage(
+            config,
+            noise,
+            Stage::Running(Eskf::new(nav, imu_errors, sigma, noise)),
+        )
+    }
+
+    fn at_stage(config: &Config, noise: ImuNoise, stage: Stage) -> Result<Self> {
+        config.validate()?;
+        let gnss = &config.gnss;
+        // The clocks' differences push aiding back against the IMU: the horizon must be longer by as much.
+        let delay = DELAY + gnss.time_offset_s.max(0.0) + gnss.velocity_lag_s.max(0.0);
+        Ok(Navigator {
+            time_offset: gnss.time_offset_s,
+            velocity_lag: gnss.velocity_lag_s,
+            noise,
+            stage,
+            horizon: Horizon::new(delay),
+            builder: IncrementBuilder::default(),
+            position: GnssPositionAid::new(gnss),
+            velocity: GnssVelocityAid::new(gnss),
+            heading: HeadingAid::default(),
+            speed: GnssSpeed::default(),
+        })
+    }
+
+    /// The filter, once the run has begun.
+    pub fn filter(&self) -> Option<&Eskf> {
+        match &self.stage {
+            Stage::Running(filter) => Some(filter),
+            #[cfg(feature = "std")]
+            Stage::Starting(_) => None,
+        }
+    }
+
+    /// Position, velocity and attitude at the newest inertial sample: the state at the tail, predicted to the head.
+    pub fn latest(&self) -> Option<NavState> {
+        let filter = self.filter()?;
+        let (mut nav, errors) = (filter.nominal().nav, filter.nominal().imu_errors);
+        let mut builder = self.builder;
+        for sample in self.horizon.iter() {
+            if let Some(increment) = build(&mut builder, sample) {
+                nav.advance(&increment.corrected(&errors.gyro_bias, &errors.accel_bias));
+            }
+        }
+        Some(nav)
+    }
+
+    /// Take one sample, in about the order of time; what it lets through comes out at the sink.
+    ///
+    /// # Errors
+    /// `ImuBackward` for an inertial stamp older than the horizon; errors of the measurement models. The navigator stays
+    /// usable.
+    pub fn step(&mut self, sample: &Sample, sink: &mut impl Sink) -> Result<()> {
+        let sample = match sample {
+            Sample::Imu(_) | Sample::ImuIncrement(_) => sample.delayed(self.time_offset),
+            Sample::GnssVelocity(_) => sample.delayed(-self.velocity_lag),
+            Sample::GnssPosition(_) | Sample::Heading(_) => *sample,
+        };
+        if let Err(what) = sample.check_finite() {
+            sink.event(&Event::NotFinite {
+                time: sample.time(),
+                what,
+            });
+            return Ok(());
+        }
+        #[cfg(feature = "std")]
+        if let Stage::Starting(startup) = &mut self.stage {
+            startup.push(sample);
+            let Some(alignment) = startup.try_align() else {
+                return Ok(());
+            };
+            return self.begin(alignment, sink);
+        }
+        self.admit(sample, sink)
+    }
+
+    /// Use everything that still waits. Call it once, after the last sample.
+    ///
+    /// # Errors
+    /// `NotStarted` when the log ended before a position was known; errors of the measurement models.
+    pub fn finish(&mut self, sink: &mut impl Sink) -> Result<()> {
+        #[cfg(feature = "std")]
+        if let Stage::Starting(startup) = &mut self.stage {
+            let alignment = startup.align_with_what_there_is()?;
+            self.begin(alignment, sink)?;
+        }
+        self.drain(true, sink)
+    }
+
+    /// Begin the run at the first sample and catch up with all that was kept.
+    #[cfg(feature = "std")]
+    fn begin(&mut self, alignment: Alignment, sink: &mut impl Sink) -> Result<()> {
+        let filter = Eskf::new(
+            alignment.nav,
+            alignment.imu_errors,
+            &alignment.sigma,
+            self.noise,
+        );
+        let Stage::Starting(startup) = core::mem::replace(&mut self.stage, Stage::Running(filter))
+        else {
+            return Ok(());
+        };
+        sink.event(&Event::Started(alignment));
+        for sample in startup.into_samples() {
+            // What came before the first inertial sample has served the alignment.
+            if sample.time() >= alignment.nav.time {
+                self.admit(sample, sink)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn admit(&mut self, sample: Sample, sink: &mut impl Sink) -> Result<()> {
+        let Stage::Running(filter) = &self.stage else {
+            return Ok(());
+        };
+        let now = filter.nominal().nav.time;
+        let time = sample.time();
+        if sample.is_inertial() {
+            match self.builder.time() {
+                Some(last) if time == last => {
+                    sink.event(&Event::DuplicateImu { time });
+                    return Ok(());
+                }
+                Some(_) if time < now => {
+                    return Err(Error::ImuBackward {
+                        previous: now,
+                        time,
+                    });
+                }
+                _ => {}
+            }
+        } else if time < now {
+            sink.event(&Event::TooLate { time, filter: now });
+            return Ok(());
+        }
+        while self.horizon.is_full() {
+            if self.horizon.next_inertial(true).is_none() {
+                // Aiding alone fills the ring: nothing will ever use the oldest.
+                if let Some(lost) = self.horizon.pop() {
+                    sink.event(&Event::TooLate {
+                        time: lost.time(),
+                        filter: now,
+                    });
+                }
+            } else {
+                self.use_next(sink)?;
+            }
+        }
+        if self.horizon.push(sample) == Err(NotTaken::Duplicate) {
+            sink.event(&Event::DuplicateImu { time });
+        }
+        self.drain(false, sink)
+    }
+
+    fn drain(&mut self, flush: bool, sink: &mut impl Sink) -> Result<()> {
+        while self.horizon.next_inertial(flush).is_some() {
+            self.use_next(sink)?;
+        }
+        Ok(())
+    }
+
+    /// Move over one inertial interval, stopping at the aiding inside it.
+    fn use_next(&mut self, sink: &mut impl Sink) -> Result<()> {
+        let Stage::Running(filter) = &mut self.stage else {
+            return Ok(());
+        };
+        let Some(&next) = self.horizon.next_inertial(true) else {
+            return Ok(());
+        };
+        let last = self.builder.time();
+        let mut rest = build(&mut self.builder, &next);
+        if let (Some(from), Some(increment)) = (last, &rest)
+            && increment.dt > GAP
+        {
+            sink.event(&Event::ImuGap {
+                from,
+                to: next.time(),
+            });
+            filter.bridge(increment.dt, GAP_RATE_SIGMA, GAP_FORCE_SIGMA);
+        }
+        let mut failed = None;
+        while let Some(aid) = self.horizon.pop_aiding() {
+            if let Some(whole) = rest {
+                let (head, tail) = whole.split_at(aid.time());
+                filter.propagate(&head);
+                rest = Some(tail);
+            }
+            let outcome = match &aid {
+                Sample::GnssPosition(fix) => self.position.observe(fix, filter),
+                Sample::GnssVelocity(fix) => {
+                    self.speed.observe(fix);
+                    self.velocity.observe(fix, filter)
+                }
+                Sample::Heading(fix) => self.heading.observe(fix, filter),
+                Sample::Imu(_) | Sample::ImuIncrement(_) => continue,
+            };
+            match outcome {
+                Ok(update) => sink.update(&update),
+                // The interval is finished first: one bad measurement must not cost an increment.
+                Err(error) => failed = Some(error),
+            }
+        }
+        self.horizon.pop();
+        if let Some(increment) = rest {
+            filter.propagate(&increment);
+        }
+        if sink.wants_epoch(next.time()) {
+            sink.epoch(&epoch(filter, self.speed.motion()));
+        }
+        failed.map_or(Ok(()), Err)
+    }
+}
+
+fn build(builder: &mut IncrementBuilder, sample: &Sample) -> Option<Increment> {
+    match sample {
+        Sample::Imu(s) => builder.push(s),
+        Sample::ImuIncrement(s) => builder.push_increment(s),
+        _ => None,
+    }
+}
+
+/// The solution as the filter has it.
+fn epoch(filter: &Eskf, motion: Motion) -> Epoch {
+    let nominal = filter.nominal();
+    let earth = crate::earth::LocalEarth::at(&nominal.nav.position);
+    let frame_rate_n = earth.earth_rate_n() + earth.transport_rate_n(&nominal.nav.velocity_n);
+    let rate_b: Vector3<f64> =
+        nominal.rate_b - nominal.nav.q_nb.inverse_transform_vector(&frame_rate_n);
+    Epoch {
+        nav: nominal.nav,
+        rate_b,
+        imu_errors: nominal.imu_errors,
+        motion,
+        covariance: filter.covariance().dense(),
+    }
+}

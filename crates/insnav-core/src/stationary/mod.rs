@@ -1,0 +1,5 @@
+//! Does the body stand?
+
+mod gnss_speed;
+
+pub use gnss_speed::{GnssSpeed, STANDING_SPEED};
