@@ -117,12 +117,8 @@ pub(super) fn far_enough(positions: &[GnssPosition]) -> Option<usize> {
 }
 
 /// The heading by the chord from an earlier position to the newest, if the way between was not too crooked.
-pub(super) fn by_position(
-    positions: &[GnssPosition],
-    from: usize,
-    track: &Track,
-) -> Option<Course> {
-    let (first, last) = (positions.get(from)?, positions.last()?);
+pub(super) fn by_position(positions: &[GnssPosition], track: &Track) -> Option<Course> {
+    let (first, last) = (&positions[far_enough(positions)?], positions.last()?);
     let (a, b) = (track.at(first.time)?, track.at(last.time)?);
     let (low, high) = track.turn_range(first.time, last.time);
     if high - low > LARGEST_TURN {

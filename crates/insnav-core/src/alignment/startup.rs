@@ -39,15 +39,23 @@ pub struct Startup {
     first_inertial: Option<Time>,
     positions: Vec<GnssPosition>,
     velocities: Vec<GnssVelocity>,
-    /// A GNSS sample has come since the last try.
-    fresh: Option<Fresh>,
+    /// How many fixes (velocities if there are any, else positions) have been judged for a course.
+    judged: usize,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Fresh {
-    Position,
-    Velocity,
-    Inertial,
+/// What gives the course.
+enum Fixes<'a> {
+    Velocities(&'a [GnssVelocity]),
+    Positions(&'a [GnssPosition]),
+}
+
+impl Fixes<'_> {
+    fn time(&self, i: usize) -> Option<Time> {
+        match self {
+            Fixes::Velocities(all) => all.get(i).map(|v| v.time),
+            Fixes::Positions(all) => all.get(i).map(|p| p.time),
+        }
+    }
 }
 
 impl Startup {
@@ -62,7 +70,7 @@ impl Startup {
             first_inertial: None,
             positions: Vec::new(),
             velocities: Vec::new(),
-            fresh: None,
+            judged: 0,
         }
     }
 
@@ -70,20 +78,11 @@ impl Startup {
     pub fn push(&mut self, sample: Sample) {
         self.samples.push(sample);
         match sample {
-            Sample::GnssPosition(p) => {
-                self.positions.push(p);
-                self.fresh = Some(Fresh::Position);
-            }
-            Sample::GnssVelocity(v) => {
-                self.velocities.push(v);
-                self.fresh = Some(Fresh::Velocity);
-            }
+            Sample::GnssPosition(p) => self.positions.push(p),
+            Sample::GnssVelocity(v) => self.velocities.push(v),
             Sample::Imu(_) | Sample::ImuIncrement(_) => {
-                self.first_inertial = Some(
-                    self.first_inertial
-                        .map_or(sample.time(), |t| t.min(sample.time())),
-                );
-                self.fresh = Some(Fresh::Inertial);
+                let first = self.first_inertial.get_or_insert(sample.time());
+                *first = sample.time().min(*first);
             }
             Sample::Heading(_) => {}
         }
@@ -101,35 +100,46 @@ impl Startup {
 
     /// A start, if the newest sample has made one possible. Cheap unless it has a chance.
     pub fn try_align(&mut self) -> Option<Alignment> {
-        let begin = self.first_inertial?;
-        let newest = self.samples.last()?.time();
-        let fresh = self.fresh.take()?;
+        let newest = self.samples.last().filter(|s| s.is_inertial())?.time();
+        let waited = newest.since(self.first_inertial?);
         self.positions.first()?;
         if self.settings.heading_deg.is_some() {
-            return if newest.since(begin) >= LEAST_DATA {
+            return if waited >= LEAST_DATA {
                 self.align(None)
             } else {
                 None
             };
         }
-        if newest.since(begin) > PATIENCE {
+        if waited > PATIENCE {
             return self.align(None);
         }
         if self.vehicle == VehicleKind::Any {
             return None;
         }
-        match fresh {
-            Fresh::Velocity if self.velocities.last().is_some_and(course::fast_enough) => self
-                .align(Some(Fresh::Velocity))
-                .filter(|a| a.heading_source != HeadingSource::Unknown),
-            // Receivers that give velocities are judged by them: chords are for those that give none.
-            Fresh::Position
-                if self.velocities.is_empty() && course::far_enough(&self.positions).is_some() =>
-            {
-                self.align(Some(Fresh::Position))
-                    .filter(|a| a.heading_source != HeadingSource::Unknown)
-            }
-            _ => None,
+        // A fix is judged once the gyros have come past it, since it is they who carry its course back to the start.
+        if self.fixes().time(self.judged)? > newest {
+            return None;
+        }
+        self.judged += 1;
+        let count = self.judged;
+        let promising = match self.fixes() {
+            Fixes::Velocities(all) => course::fast_enough(&all[count - 1]),
+            Fixes::Positions(all) => course::far_enough(&all[..count]).is_some(),
+        };
+        if promising {
+            self.align(Some(count))
+                .filter(|a| a.heading_source != HeadingSource::Unknown)
+        } else {
+            None
+        }
+    }
+
+    /// Receivers that give velocities are judged by them; chords are for those that give none.
+    fn fixes(&self) -> Fixes<'_> {
+        if self.velocities.is_empty() {
+            Fixes::Positions(&self.positions)
+        } else {
+            Fixes::Velocities(&self.velocities)
         }
     }
 
@@ -153,7 +163,7 @@ impl Startup {
         })
     }
 
-    fn align(&mut self, by: Option<Fresh>) -> Option<Alignment> {
+    fn align(&mut self, fixes: Option<usize>) -> Option<Alignment> {
         self.sort();
         let imu = inertial(&self.samples);
         let begin = imu.first()?.time;
@@ -168,7 +178,7 @@ impl Startup {
             .filter(|(rate, _)| rate.norm() < self.believable_rate());
         let rough_bias = bias.map_or_else(Vector3::zeros, |(rate, _)| rate);
         let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
-        let course = self.heading(by, &track, begin);
+        let course = self.heading(fixes, &track, begin);
         // What the gyros add while they carry the heading back.
         let rate_sigma = bias.map_or(self.noise.gyro_turn_on_sigma, |(_, sigma)| {
             sigma + self.noise.gyro_bias_sigma * 0.1
@@ -195,7 +205,7 @@ impl Startup {
         4.0 * self.noise.gyro_turn_on_sigma + crate::earth::EARTH_RATE
     }
 
-    fn heading(&self, by: Option<Fresh>, track: &Track, begin: Time) -> Course {
+    fn heading(&self, fixes: Option<usize>, track: &Track, begin: Time) -> Course {
         let other = |heading, sigma, source| Course {
             heading,
             sigma,
@@ -210,12 +220,10 @@ impl Startup {
                 .map_or(GIVEN_SIGMA, f64::to_radians);
             return other(heading.to_radians(), sigma, HeadingSource::Given);
         }
-        let found = match by {
-            Some(Fresh::Velocity) => course::by_velocity(&self.velocities, track),
-            Some(Fresh::Position) => course::far_enough(&self.positions)
-                .and_then(|from| course::by_position(&self.positions, from, track)),
-            _ => None,
-        };
+        let found = fixes.and_then(|count| match self.fixes() {
+            Fixes::Velocities(all) => course::by_velocity(&all[..count], track),
+            Fixes::Positions(all) => course::by_position(&all[..count], track),
+        });
         found.unwrap_or_else(|| other(0.0, UNKNOWN_SIGMA, HeadingSource::Unknown))
     }
 
