@@ -3,6 +3,8 @@
 
 pub mod alignment;
 pub mod attitude;
+#[cfg(feature = "std")]
+pub mod clock_offset;
 pub mod config;
 pub mod earth;
 pub mod error;
