@@ -1,0 +1,334 @@
+//! A log: an MCAP file with ROS 2 messages, opened for reading.
+
+use crate::cdr::CdrError;
+use crate::container::{Contents, Message, Messages, Source};
+use crate::error::LogError;
+use crate::ros2::{Decode, Header, NavSatFix};
+use crate::samples::{Samples, gnss_position};
+use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
+use insnav_core::sample::GnssPosition;
+use insnav_core::time::Time;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Axes of the IMU's messages, before any mounting rotation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImuAxes {
+    /// Forward, left, up: what ROS prescribes ([REP-103]).
+    #[default]
+    Flu,
+    /// Forward, right, down: what many drivers publish all the same.
+    Frd,
+}
+
+/// Which stamp of a message counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TimeSource {
+    /// The stamp in the message's header; the log time where that is zero.
+    #[default]
+    Header,
+    /// When the message was recorded.
+    Log,
+    /// When the message was published.
+    Publish,
+}
+
+/// How to read a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadOptions {
+    /// Topics by role; `none` leaves a role empty. A role that is not named here is filled by the only topic that can serve.
+    pub topics: Vec<(Role, String)>,
+    /// Axes of the IMU's messages.
+    pub imu_axes: ImuAxes,
+    /// Roll, pitch, yaw of the IMU's axes in those of the body, degrees: `v_body = Rz(yaw) Ry(pitch) Rx(roll) v_imu`, both
+    /// forward-left-up or both forward-right-down as `imu_axes` says. The angles of a URDF or of `/tf_static`.
+    pub imu_mounting_rpy_deg: Option<[f64; 3]>,
+    /// Which stamp counts.
+    pub time_source: TimeSource,
+    /// How long a sample waits for earlier ones, s of log time.
+    pub reorder_window_s: f64,
+    /// Height of the geoid above the ellipsoid, m, added to every altitude: for receivers that publish height above sea level.
+    pub geoid_height_m: f64,
+    /// Largest uncompressed size of a chunk, bytes: a damaged size is refused before memory is reserved for it.
+    pub chunk_size_limit: usize,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        ReadOptions {
+            topics: Vec::new(),
+            imu_axes: ImuAxes::Flu,
+            imu_mounting_rpy_deg: None,
+            time_source: TimeSource::Header,
+            reorder_window_s: 1.0,
+            geoid_height_m: 0.0,
+            chunk_size_limit: 1 << 30,
+        }
+    }
+}
+
+/// Name of the metadata record of our own files.
+pub const METADATA_NAME: &str = "insnav";
+/// Key in that record: the instant, in ns, from which every `*_s` of the user interface counts.
+pub const METADATA_T0: &str = "t0_ns";
+
+/// An MCAP log, its topics found and chosen.
+#[derive(Debug)]
+pub struct Log {
+    path: PathBuf,
+    source: Source,
+    contents: Contents,
+    topics: Vec<TopicInfo>,
+    selection: Selection,
+    options: ReadOptions,
+}
+
+impl Log {
+    /// Open a file (`-`: standard input), check its structure and find its topics. The messages are not read yet.
+    ///
+    /// A log without IMU or GNSS opens all the same, so that its topics can be listed: [`Log::require`] is where a missing
+    /// or ambiguous topic becomes an error.
+    pub fn open(path: &Path, options: ReadOptions) -> Result<Log, LogError> {
+        Log::new(path, Source::open(path)?, options)
+    }
+
+    /// As [`Log::open`], for the bytes of a file that is already in memory; the path is for messages only.
+    pub fn from_bytes(path: &Path, bytes: Vec<u8>, options: ReadOptions) -> Result<Log, LogError> {
+        Log::new(path, Source::Memory(bytes), options)
+    }
+
+    fn new(path: &Path, source: Source, options: ReadOptions) -> Result<Log, LogError> {
+        let contents = Contents::read(source.bytes(), path, options.chunk_size_limit)?;
+        let topics = list_topics(&contents);
+        let selection = Selection::find(&topics, &options.topics, path)?;
+        Ok(Log {
+            path: path.into(),
+            source,
+            contents,
+            topics,
+            selection,
+            options,
+        })
+    }
+
+    /// The path it was opened with.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The whole file.
+    pub fn bytes(&self) -> &[u8] {
+        self.source.bytes()
+    }
+
+    /// How it is being read.
+    pub fn options(&self) -> &ReadOptions {
+        &self.options
+    }
+
+    /// Every topic, by name.
+    pub fn topics(&self) -> &[TopicInfo] {
+        &self.topics
+    }
+
+    /// Which topic plays which part.
+    pub fn selected(&self) -> &Selection {
+        &self.selection
+    }
+
+    /// The topic of a role, or the error that lists what there is.
+    pub fn require(&self, role: Role) -> Result<&TopicInfo, LogError> {
+        match self.selection.choice(role) {
+            Choice::Topic(index) => Ok(&self.topics[*index]),
+            Choice::None => Err(LogError::NoTopic {
+                path: self.path.clone(),
+                role,
+                topics: self.topics.iter().map(TopicInfo::to_string).collect(),
+            }),
+            Choice::Ambiguous(candidates) => Err(LogError::AmbiguousTopic {
+                path: self.path.clone(),
+                role,
+                candidates: candidates
+                    .iter()
+                    .map(|&i| self.topics[i].name.clone())
+                    .collect(),
+            }),
+        }
+    }
+
+    /// The topic of a role, or `None` when there is none; ambiguity is an error.
+    pub fn optional(&self, role: Role) -> Result<Option<&TopicInfo>, LogError> {
+        match self.selection.choice(role) {
+            Choice::None => Ok(None),
+            _ => self.require(role).map(Some),
+        }
+    }
+
+    /// A metadata record by name.
+    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        self.contents.metadata.get(name)
+    }
+
+    /// Profile and library of the file's header.
+    pub fn written_by(&self) -> (&str, &str) {
+        (&self.contents.profile, &self.contents.library)
+    }
+
+    /// True when the topics were known from the file's summary, without reading the messages.
+    pub fn is_indexed(&self) -> bool {
+        self.contents.indexed
+    }
+
+    /// Earliest and latest log time.
+    pub fn time_range(&self) -> Option<(Time, Time)> {
+        self.contents
+            .time_range()
+            .map(|(first, last)| (Time(first as i64), Time(last as i64)))
+    }
+
+    /// The instant from which `*_s` counts: as the metadata say, else the first IMU stamp.
+    pub fn t0(&self) -> Result<Option<Time>, LogError> {
+        let stated = self
+            .metadata(METADATA_NAME)
+            .and_then(|pairs| pairs.get(METADATA_T0))
+            .and_then(|t| t.parse().ok());
+        if let Some(t0) = stated {
+            return Ok(Some(Time(t0)));
+        }
+        let Some(imu) = self.selection.topic(Role::Imu) else {
+            return Ok(None);
+        };
+        let mut messages = self.messages(&[imu]);
+        messages
+            .next()
+            .transpose()?
+            .map(|message| self.stamp(imu, &message))
+            .transpose()
+    }
+
+    /// The first GNSS position that can be used.
+    pub fn first_fix(&self) -> Result<Option<GnssPosition>, LogError> {
+        let Some(topic) = self.selection.topic(Role::GnssPosition) else {
+            return Ok(None);
+        };
+        let mut messages = self.messages(&[topic]);
+        while let Some(message) = messages.next() {
+            let message = message?;
+            let fix = NavSatFix::decode(message.data)
+                .map_err(|e| self.undecodable(topic, &message, e))?;
+            let time = self.choose_stamp(fix.header.stamp, &message);
+            if let Ok(fix) = gnss_position(&fix, time, self.options.geoid_height_m) {
+                return Ok(Some(fix));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The samples in time order, ready for the navigator.
+    pub fn samples(&self) -> Result<Samples<'_>, LogError> {
+        Samples::new(self)
+    }
+
+    /// The messages of some topics (indices into [`Log::topics`]) in order of log time.
+    pub(crate) fn messages(&self, topics: &[usize]) -> Messages<'_> {
+        let channels: Vec<u16> = topics
+            .iter()
+            .flat_map(|&i| self.topics[i].channels.iter().copied())
+            .collect();
+        Messages::new(self.source.bytes(), &self.path, &self.contents, &channels)
+    }
+
+    /// Call `each` with every message of a topic in order of log time: for readers of message types of their own.
+    pub fn each_message<E: From<LogError>>(
+        &self,
+        topic: &TopicInfo,
+        mut each: impl FnMut(&Message<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut messages = Messages::new(
+            self.source.bytes(),
+            &self.path,
+            &self.contents,
+            &topic.channels,
+        );
+        while let Some(message) = messages.next() {
+            each(&message?)?;
+        }
+        Ok(())
+    }
+
+    /// Whether messages of a topic begin with a `std_msgs/Header`.
+    pub(crate) fn is_stamped(&self, topic: usize) -> bool {
+        let topic = &self.topics[topic];
+        topic.encoding == "cdr"
+            && topic.channels.iter().all(|id| {
+                let schema = self
+                    .contents
+                    .channels
+                    .get(id)
+                    .and_then(|c| self.contents.schemas.get(&c.schema));
+                schema.is_some_and(|schema| schema.stamped)
+            })
+    }
+
+    fn stamp(&self, topic: usize, message: &Message<'_>) -> Result<Time, LogError> {
+        let header =
+            Header::decode(message.data).map_err(|e| self.undecodable(topic, message, e))?;
+        Ok(self.choose_stamp(header.stamp, message))
+    }
+
+    /// The stamp that counts. A header stamp of zero is one that the driver never set.
+    #[inline]
+    pub(crate) fn choose_stamp(&self, header: Time, message: &Message<'_>) -> Time {
+        match self.options.time_source {
+            TimeSource::Header if header.0 != 0 => header,
+            TimeSource::Header | TimeSource::Log => message.log_time,
+            TimeSource::Publish => message.publish_time,
+        }
+    }
+
+    pub(crate) fn undecodable(
+        &self,
+        topic: usize,
+        message: &Message<'_>,
+        source: CdrError,
+    ) -> LogError {
+        let topic = &self.topics[topic];
+        LogError::Decode {
+            path: self.path.clone(),
+            topic: topic.name.clone(),
+            time: message.log_time,
+            schema: topic.schema.clone(),
+            source,
+        }
+    }
+}
+
+/// Topics by name. Channels of one topic and type count as one topic; a topic with two types is listed twice.
+fn list_topics(contents: &Contents) -> Vec<TopicInfo> {
+    let mut topics: BTreeMap<(&str, &str, &str), TopicInfo> = BTreeMap::new();
+    let range = contents.time_range();
+    for (id, channel) in &contents.channels {
+        let schema = contents.schemas.get(&channel.schema);
+        let name = schema.map_or("", |s| s.name.as_str());
+        let topic = topics
+            .entry((&channel.topic, name, &channel.encoding))
+            .or_insert_with(|| TopicInfo {
+                name: channel.topic.clone(),
+                schema: name.to_owned(),
+                schema_encoding: schema.map_or_else(String::new, |s| s.encoding.clone()),
+                encoding: channel.encoding.clone(),
+                count: 0,
+                rate_hz: None,
+                channels: Vec::new(),
+            });
+        topic.count += contents.counts.get(id).copied().unwrap_or(0);
+        topic.channels.push(*id);
+    }
+    let mut topics: Vec<TopicInfo> = topics.into_values().collect();
+    if let Some((first, last)) = range {
+        for topic in &mut topics {
+            topic.rate_hz = mean_rate(topic.count, Time(first as i64), Time(last as i64));
+        }
+    }
+    topics
+}

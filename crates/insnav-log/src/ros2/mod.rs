@@ -1,0 +1,50 @@
+//! The ROS 2 messages that are read and written, one file per message.
+//!
+//! A decoded message borrows its strings from the bytes it was read from. Values are as on the wire: ROS axes (ENU,
+//! forward-left-up) and units; what they mean to the navigator is decided in [`crate::samples`] and [`crate::sink`].
+
+mod diagnostics;
+mod header;
+mod imu;
+mod nav_sat_fix;
+mod odometry;
+mod pose;
+mod schema;
+mod state;
+mod transform;
+mod twist;
+mod update;
+
+pub use diagnostics::{DiagnosticArray, DiagnosticStatus};
+pub use header::Header;
+pub use imu::Imu;
+pub use nav_sat_fix::{CovarianceType, NavSatFix};
+pub use odometry::Odometry;
+pub use pose::{Pose, PoseStamped};
+pub use schema::schema_text;
+pub use state::State;
+pub use transform::{TfMessage, TransformStamped, Transforms};
+pub use twist::{Twist, TwistStamped, TwistWithCovarianceStamped};
+pub use update::UpdateMessage;
+
+use crate::cdr::{CdrError, CdrReader, CdrWriter};
+
+/// A message that can be read from CDR.
+pub trait Decode<'a>: Sized {
+    /// Read the fields in order.
+    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError>;
+
+    /// Read a whole message. Bytes after its last field are padding of the writer, and allowed.
+    fn decode(message: &'a [u8]) -> Result<Self, CdrError> {
+        Self::read(&mut CdrReader::new(message)?)
+    }
+}
+
+/// A message that can be written as CDR.
+pub trait Encode {
+    /// Full name of its type, such as `sensor_msgs/msg/Imu`.
+    const SCHEMA: &'static str;
+
+    /// Write the fields in order.
+    fn write(&self, to: &mut CdrWriter);
+}

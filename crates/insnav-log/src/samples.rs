@@ -1,0 +1,347 @@
+//! Messages become samples: SI, radians, NED and forward-right-down, in order of their stamps.
+
+use crate::container::Messages;
+use crate::error::LogError;
+use crate::log::{ImuAxes, Log, TimeSource};
+use crate::reorder::Reorder;
+use crate::ros2::{
+    CovarianceType, Decode, Imu, NavSatFix, TwistStamped, TwistWithCovarianceStamped,
+};
+use crate::topics::Role;
+use insnav_core::earth::Geodetic;
+use insnav_core::sample::{GnssPosition, GnssVelocity, ImuSample, Sample};
+use insnav_core::time::Time;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+/// What became of the messages that were read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SampleCounts {
+    /// Inertial samples passed on.
+    pub imu: u64,
+    /// Inertial samples with NaN or infinity in them, passed on for the navigator to report.
+    pub imu_not_finite: u64,
+    /// GNSS positions passed on.
+    pub gnss_position: u64,
+    /// GNSS velocities passed on.
+    pub gnss_velocity: u64,
+    /// Positions dropped: the receiver says that it has no fix.
+    pub dropped_no_fix: u64,
+    /// Positions dropped: NaN, infinite, or not on the Earth.
+    pub dropped_not_finite: u64,
+    /// Positions dropped: latitude and longitude both exactly zero, which is a driver's way to say nothing.
+    pub dropped_zero_position: u64,
+    /// Velocities dropped: NaN or infinite horizontally.
+    pub dropped_velocity_not_finite: u64,
+    /// Aiding samples dropped: later than the reorder window allows.
+    pub dropped_late: u64,
+    /// Messages without a stamp of their own, for which the log time was taken.
+    pub unstamped: u64,
+    /// Samples that came after one with a later stamp, and were put into their place.
+    pub reordered: u64,
+}
+
+/// Why a position is not passed on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unusable {
+    NoFix,
+    NotFinite,
+    ZeroPosition,
+}
+
+/// Samples of a log in time order: an iterator.
+pub struct Samples<'a> {
+    log: &'a Log,
+    messages: Messages<'a>,
+    /// By channel: what the topic is for, and its index.
+    decoders: Vec<Option<(Decoder, usize)>>,
+    /// Turns vectors of IMU messages into body axes.
+    to_body: Matrix3<f64>,
+    reorder: Reorder<Sample>,
+    last_imu: Option<Time>,
+    last: Option<Time>,
+    counts: SampleCounts,
+    exhausted: bool,
+    failed: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Decoder {
+    Imu,
+    NavSatFix,
+    Twist,
+    TwistWithCovariance,
+}
+
+impl<'a> Samples<'a> {
+    pub(crate) fn new(log: &'a Log) -> Result<Self, LogError> {
+        let mut topics = Vec::new();
+        let mut decoders = Vec::new();
+        for role in [Role::Imu, Role::GnssPosition, Role::GnssVelocity] {
+            let Some(topic) = log.optional(role)? else {
+                continue;
+            };
+            let decoder = match (role, topic.schema.as_str()) {
+                (Role::Imu, _) => Decoder::Imu,
+                (Role::GnssPosition, _) => Decoder::NavSatFix,
+                (_, "geometry_msgs/msg/TwistStamped") => Decoder::Twist,
+                _ => Decoder::TwistWithCovariance,
+            };
+            let index = log.selected().topic(role).unwrap_or_default();
+            for id in &topic.channels {
+                let id = usize::from(*id);
+                if decoders.len() <= id {
+                    decoders.resize(id + 1, None);
+                }
+                decoders[id] = Some((decoder, index));
+            }
+            topics.push(index);
+        }
+        Ok(Samples {
+            log,
+            messages: log.messages(&topics),
+            decoders,
+            to_body: imu_to_body(log.options().imu_axes, log.options().imu_mounting_rpy_deg),
+            reorder: Reorder::new(log.options().reorder_window_s),
+            last_imu: None,
+            last: None,
+            counts: SampleCounts::default(),
+            exhausted: false,
+            failed: false,
+        })
+    }
+
+    /// What became of the messages so far.
+    pub fn counts(&self) -> SampleCounts {
+        SampleCounts {
+            reordered: self.reorder.reordered(),
+            ..self.counts
+        }
+    }
+
+    /// Read one message into the window; `false` at the end of the log.
+    fn read_one(&mut self) -> Result<bool, LogError> {
+        let Some(message) = self.messages.next() else {
+            return Ok(false);
+        };
+        let message = message?;
+        let Some(Some((decoder, topic))) = self.decoders.get(usize::from(message.channel)).copied()
+        else {
+            return Ok(true);
+        };
+        let undecodable = |source| self.log.undecodable(topic, &message, source);
+        let options = self.log.options();
+        let (stamp, sample) = match decoder {
+            Decoder::Imu => {
+                let imu = Imu::decode(message.data).map_err(undecodable)?;
+                let time = self.log.choose_stamp(imu.header.stamp, &message);
+                let sample = ImuSample {
+                    time,
+                    angular_rate_b: self.to_body * imu.angular_velocity,
+                    specific_force_b: self.to_body * imu.linear_acceleration,
+                };
+                let sum = sample.angular_rate_b.sum() + sample.specific_force_b.sum();
+                self.counts.imu_not_finite += u64::from(!sum.is_finite());
+                (imu.header.stamp, Some(Sample::Imu(sample)))
+            }
+            Decoder::NavSatFix => {
+                let fix = NavSatFix::decode(message.data).map_err(undecodable)?;
+                let time = self.log.choose_stamp(fix.header.stamp, &message);
+                let sample = match gnss_position(&fix, time, options.geoid_height_m) {
+                    Ok(position) => Some(Sample::GnssPosition(position)),
+                    Err(reason) => {
+                        match reason {
+                            Unusable::NoFix => self.counts.dropped_no_fix += 1,
+                            Unusable::NotFinite => self.counts.dropped_not_finite += 1,
+                            Unusable::ZeroPosition => self.counts.dropped_zero_position += 1,
+                        }
+                        None
+                    }
+                };
+                (fix.header.stamp, sample)
+            }
+            Decoder::Twist | Decoder::TwistWithCovariance => {
+                let (header, linear, covariance) = if let Decoder::Twist = decoder {
+                    let twist = TwistStamped::decode(message.data).map_err(undecodable)?;
+                    (twist.header, twist.twist.linear, None)
+                } else {
+                    let twist =
+                        TwistWithCovarianceStamped::decode(message.data).map_err(undecodable)?;
+                    (
+                        twist.header,
+                        twist.twist.linear,
+                        covariance_block(&twist.covariance),
+                    )
+                };
+                let time = self.log.choose_stamp(header.stamp, &message);
+                let sample = gnss_velocity(time, &linear, covariance);
+                self.counts.dropped_velocity_not_finite += u64::from(sample.is_none());
+                (header.stamp, sample.map(Sample::GnssVelocity))
+            }
+        };
+        self.counts.unstamped +=
+            u64::from(stamp.0 == 0 && options.time_source == TimeSource::Header);
+        if let Some(sample) = sample {
+            self.reorder.push(sample.time(), message.log_time, sample);
+        }
+        Ok(true)
+    }
+
+    /// Check a sample that leaves the window; `None`: it is dropped.
+    fn release(&mut self, sample: Sample) -> Result<Option<Sample>, LogError> {
+        let time = sample.time();
+        match &sample {
+            Sample::Imu(_) => {
+                if let Some(previous) = self.last_imu.filter(|previous| time < *previous) {
+                    return Err(LogError::StampBackward {
+                        path: self.log.path().into(),
+                        topic: self.log.require(Role::Imu)?.name.clone(),
+                        previous,
+                        time,
+                        window_s: self.log.options().reorder_window_s,
+                    });
+                }
+                self.last_imu = Some(time);
+                self.counts.imu += 1;
+            }
+            _ if self.last.is_some_and(|last| time < last) => {
+                self.counts.dropped_late += 1;
+                return Ok(None);
+            }
+            Sample::GnssPosition(_) => self.counts.gnss_position += 1,
+            _ => self.counts.gnss_velocity += 1,
+        }
+        self.last = self.last.max(Some(time));
+        Ok(Some(sample))
+    }
+
+    fn advance(&mut self) -> Result<Option<Sample>, LogError> {
+        loop {
+            while let Some(sample) = self.reorder.pop(self.exhausted) {
+                if let Some(sample) = self.release(sample)? {
+                    return Ok(Some(sample));
+                }
+            }
+            if self.exhausted {
+                return Ok(None);
+            }
+            self.exhausted = !self.read_one()?;
+        }
+    }
+}
+
+impl Iterator for Samples<'_> {
+    type Item = Result<Sample, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.failed {
+            return None;
+        }
+        let sample = self.advance().transpose();
+        self.failed = matches!(sample, Some(Err(_)));
+        sample
+    }
+}
+
+/// Forward-left-up and forward-right-down differ by half a turn about forward; so do east-north-up and north-east-down by
+/// half a turn about their diagonal. Each matrix is its own inverse.
+pub(crate) const FLU_FRD: Matrix3<f64> =
+    Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
+pub(crate) const ENU_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
+
+/// Rotation from the axes of IMU messages to the body (forward-right-down).
+pub(crate) fn imu_to_body(axes: ImuAxes, mounting_rpy_deg: Option<[f64; 3]>) -> Matrix3<f64> {
+    let mounting = mounting_rpy_deg.map_or_else(Matrix3::identity, |angles| {
+        let [roll, pitch, yaw] = angles.map(f64::to_radians);
+        Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()
+    });
+    match axes {
+        ImuAxes::Flu => FLU_FRD * mounting,
+        ImuAxes::Frd => mounting,
+    }
+}
+
+/// A GNSS position from its message: degrees to radians, covariance from ENU to NED.
+pub(crate) fn gnss_position(
+    fix: &NavSatFix<'_>,
+    time: Time,
+    geoid_height_m: f64,
+) -> Result<GnssPosition, Unusable> {
+    if fix.status < 0 {
+        return Err(Unusable::NoFix);
+    }
+    let position = Geodetic::from_degrees(
+        fix.latitude_deg,
+        fix.longitude_deg,
+        fix.altitude_m + geoid_height_m,
+    );
+    if !position.is_valid() {
+        return Err(Unusable::NotFinite);
+    }
+    if position.latitude == 0.0 && position.longitude == 0.0 {
+        return Err(Unusable::ZeroPosition);
+    }
+    let covariance_n = match fix.position_covariance_type {
+        CovarianceType::Unknown => None,
+        _ => known_covariance(&Matrix3::from_row_slice(&fix.position_covariance)),
+    };
+    Ok(GnssPosition {
+        time,
+        position,
+        covariance_n,
+    })
+}
+
+/// A GNSS velocity from its message: ENU to NED. `None` when it is not finite horizontally.
+///
+/// A vertical velocity of exactly zero beside a horizontal one that is not, without a variance, is that of a receiver that
+/// measures horizontally only: it becomes NaN, "not measured", rather than a measured zero.
+fn gnss_velocity(
+    time: Time,
+    linear_enu: &Vector3<f64>,
+    covariance_enu: Option<Matrix3<f64>>,
+) -> Option<GnssVelocity> {
+    let mut velocity_n = ENU_NED * Vector3::new(linear_enu.x, linear_enu.y, 0.0);
+    if !(velocity_n.x.is_finite() && velocity_n.y.is_finite()) {
+        return None;
+    }
+    let vertical_variance = covariance_enu.map_or(0.0, |p| p[(2, 2)]);
+    let moving = velocity_n.x != 0.0 || velocity_n.y != 0.0;
+    let vertical_unknown = !linear_enu.z.is_finite()
+        || vertical_variance.is_nan()
+        || vertical_variance < 0.0
+        || (linear_enu.z == 0.0 && vertical_variance == 0.0 && moving);
+    velocity_n.z = if vertical_unknown {
+        f64::NAN
+    } else {
+        -linear_enu.z
+    };
+    let covariance_n = covariance_enu.and_then(|mut p| {
+        if vertical_unknown {
+            // The row must not spoil the other two; its own value is never used.
+            let horizontal = p[(0, 0)].max(p[(1, 1)]);
+            for i in 0..3 {
+                p[(2, i)] = 0.0;
+                p[(i, 2)] = 0.0;
+            }
+            p[(2, 2)] = horizontal;
+        }
+        known_covariance(&p)
+    });
+    Some(GnssVelocity {
+        time,
+        velocity_n,
+        covariance_n,
+    })
+}
+
+/// The upper left block of a 6 × 6 covariance; `None` when its first element is −1, which in ROS says "not known".
+fn covariance_block(covariance: &[f64; 36]) -> Option<Matrix3<f64>> {
+    (covariance[0] >= 0.0).then(|| Matrix3::from_fn(|i, j| covariance[6 * i + j]))
+}
+
+/// A covariance from ENU to NED; `None` when it has no variance or one that cannot be (drivers write zeros for "unknown").
+fn known_covariance(covariance_enu: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let p = ENU_NED * covariance_enu * ENU_NED;
+    let known = p.iter().all(|v| v.is_finite()) && p.diagonal().iter().all(|v| *v > 0.0);
+    known.then(|| (p + p.transpose()) * 0.5)
+}
