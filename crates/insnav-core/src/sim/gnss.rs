@@ -242,3 +242,251 @@ pub(super) fn simulate(
     }
     fixes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenario::Scenario;
+    use super::*;
+
+    fn drive() -> Trajectory {
+        Trajectory::new(&Scenario::car_drive(300.0).drive).expect("valid")
+    }
+
+    /// No error, no lever arm, both fixes at 10 Hz.
+    fn ideal() -> GnssModel {
+        GnssModel {
+            position_rate_hz: 10.0,
+            velocity_rate_hz: 10.0,
+            position_sigma_m: [0.0; 3],
+            velocity_sigma_m_per_s: [0.0; 3],
+            ..GnssModel::default()
+        }
+    }
+
+    fn positions(fixes: &[(Time, Sample)]) -> Vec<GnssPosition> {
+        let position = |s: &(Time, Sample)| {
+            if let Sample::GnssPosition(p) = s.1 {
+                Some(p)
+            } else {
+                None
+            }
+        };
+        fixes.iter().filter_map(position).collect()
+    }
+
+    fn velocities(fixes: &[(Time, Sample)]) -> Vec<GnssVelocity> {
+        let velocity = |s: &(Time, Sample)| {
+            if let Sample::GnssVelocity(v) = s.1 {
+                Some(v)
+            } else {
+                None
+            }
+        };
+        fixes.iter().filter_map(velocity).collect()
+    }
+
+    #[test]
+    fn antenna_velocity_is_the_derivative_of_antenna_position() {
+        let trajectory = drive();
+        let model = GnssModel {
+            lever_arm_b_m: [1.0, -0.5, -1.5],
+            ..ideal()
+        };
+        let velocities = velocities(&simulate(&model, &trajectory, 300.0, 0));
+        let arm = Vector3::from(model.lever_arm_b_m);
+        let antenna_e = |t: f64| {
+            let nav = trajectory.after(t).nav;
+            nav.position.to_ecef() + nav.position.ned_to_ecef() * (nav.q_nb * arm)
+        };
+        for fix in velocities.iter().skip(5).step_by(7) {
+            let t = fix.time.since(trajectory.start());
+            let h = 5e-3;
+            let v_e = ((antenna_e(t + h) - antenna_e(t - h)) * 8.0
+                - (antenna_e(t + 2.0 * h) - antenna_e(t - 2.0 * h)))
+                / (12.0 * h);
+            let v_n = trajectory.after(t).nav.position.ned_to_ecef().tr_mul(&v_e);
+            // 1e-9 m of rounding in ECEF over 5 ms.
+            assert!(
+                (v_n - fix.velocity_n).norm() < 1e-6,
+                "{}",
+                v_n - fix.velocity_n
+            );
+        }
+    }
+
+    #[test]
+    fn stamps_lag_and_latency_are_where_they_belong() {
+        let trajectory = drive();
+        let model = GnssModel {
+            time_offset_s: 0.2,
+            velocity_lag_s: 0.13,
+            latency_s: 0.4,
+            ..ideal()
+        };
+        let fixes = simulate(&model, &trajectory, 300.0, 0);
+        let p = positions(&fixes)[900];
+        assert_eq!(p.time, trajectory.start().plus(90.2));
+        assert!(
+            p.position
+                .offset_to(&trajectory.after(90.0).nav.position)
+                .norm()
+                < 1e-8
+        );
+        let v = velocities(&fixes)[900];
+        assert_eq!(v.time, p.time);
+        assert_eq!(v.velocity_n, trajectory.after(90.0 - 0.13).nav.velocity_n);
+        assert!(
+            fixes
+                .iter()
+                .all(|(arrival, s)| arrival.since(s.time()) == 0.2),
+            "0.4 of latency less 0.2 of stamp"
+        );
+    }
+
+    #[test]
+    fn outages_are_silent_and_change_nothing_else() {
+        let trajectory = drive();
+        let whole = GnssModel {
+            position_sigma_m: [1.0; 3],
+            position_colour_sigma_m: [2.0; 3],
+            ..ideal()
+        };
+        let cut = GnssModel {
+            outages: vec![Span {
+                begin_s: 100.0,
+                end_s: 130.0,
+            }],
+            ..whole.clone()
+        };
+        let (a, b) = (
+            simulate(&whole, &trajectory, 300.0, 4),
+            simulate(&cut, &trajectory, 300.0, 4),
+        );
+        assert_eq!(a.len() - b.len(), 600);
+        let kept: Vec<_> = a
+            .into_iter()
+            .filter(|(t, _)| !(100.0..130.0).contains(&t.since(trajectory.start())))
+            .collect();
+        assert_eq!(kept, b);
+    }
+
+    /// White part and coloured part by their variance and their correlation over one second; four standard errors, of
+    /// correlated values by Bartlett's formula.
+    #[test]
+    fn errors_have_their_sigmas_and_colour() {
+        let trajectory = Trajectory::new(&Scenario::standing(20_000.0, 0.0).drive).expect("valid");
+        let truth = trajectory.after(0.0).nav.position;
+        let model = GnssModel {
+            position_rate_hz: 1.0,
+            velocity_rate_hz: 1.0,
+            position_sigma_m: [0.5, 0.5, 1.0],
+            position_colour_sigma_m: [1.0, 2.0, 3.0],
+            position_colour_tau_s: 10.0,
+            velocity_sigma_m_per_s: [0.1, 0.2, 0.3],
+            ..GnssModel::default()
+        };
+        let fixes = simulate(&model, &trajectory, 20_000.0, 6);
+        let errors: Vec<_> = positions(&fixes)
+            .iter()
+            .map(|p| truth.offset_to(&p.position))
+            .collect();
+        let n = errors.len() as f64;
+        let phi = (-0.1f64).exp();
+        for axis in 0..3 {
+            let (w, c) = (
+                model.position_sigma_m[axis].powi(2),
+                model.position_colour_sigma_m[axis].powi(2),
+            );
+            let moment = |lag: usize| {
+                errors
+                    .iter()
+                    .zip(&errors[lag..])
+                    .map(|(a, b)| a[axis] * b[axis])
+                    .sum::<f64>()
+                    / n
+            };
+            let error = 4.0 * (w + c) * (2.0 * (1.0 + phi * phi) / (1.0 - phi * phi) / n).sqrt();
+            assert!((moment(0) - w - c).abs() < error, "{axis}: {}", moment(0));
+            assert!((moment(1) - c * phi).abs() < error, "{axis}: {}", moment(1));
+            assert!(
+                (moment(20) - c * phi.powi(20)).abs() < error,
+                "{axis}: {}",
+                moment(20)
+            );
+            assert_eq!(
+                positions(&fixes)[0].covariance_n.expect("stated")[(axis, axis)],
+                w + c
+            );
+        }
+        let fixes = velocities(&fixes);
+        for axis in 0..3 {
+            let sigma = model.velocity_sigma_m_per_s[axis];
+            let square = fixes
+                .iter()
+                .map(|v| v.velocity_n[axis].powi(2))
+                .sum::<f64>()
+                / n;
+            assert!((square - sigma * sigma).abs() < 4.0 * sigma * sigma * (2.0 / n).sqrt());
+        }
+    }
+
+    #[test]
+    fn outliers_come_as_often_and_as_large_as_asked() {
+        let trajectory = Trajectory::new(&Scenario::standing(10_000.0, 0.0).drive).expect("valid");
+        let truth = trajectory.after(0.0).nav.position;
+        let model = GnssModel {
+            outlier_probability: 0.02,
+            outlier_size_m: 30.0,
+            velocity_rate_hz: 0.0,
+            ..ideal()
+        };
+        let fixes = positions(&simulate(&model, &trajectory, 10_000.0, 6));
+        let sizes: Vec<f64> = fixes
+            .iter()
+            .map(|p| truth.offset_to(&p.position).norm())
+            .collect();
+        let (n, hits) = (
+            sizes.len() as f64,
+            sizes.iter().filter(|s| **s > 1e-6).count() as f64,
+        );
+        assert!(
+            (hits - 0.02 * n).abs() < 4.0 * (0.02 * 0.98 * n).sqrt(),
+            "{hits} of {n}"
+        );
+        assert!(sizes.iter().all(|s| *s < 1e-6 || (s - 30.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn bad_numbers_are_refused_by_name() {
+        let refused = |gnss: GnssModel| match (Scenario {
+            gnss,
+            ..Scenario::standing(1.0, 0.0)
+        })
+        .simulate(0)
+        {
+            Err(Error::Config { key, .. }) => key,
+            other => panic!("{:?}", other.map(|s| s.samples.len())),
+        };
+        assert_eq!(
+            refused(GnssModel {
+                position_rate_hz: -1.0,
+                ..ideal()
+            }),
+            "gnss.position_rate_hz"
+        );
+        assert_eq!(
+            refused(GnssModel {
+                latency_s: f64::NAN,
+                ..ideal()
+            }),
+            "gnss.latency_s"
+        );
+        assert_eq!(
+            refused(GnssModel {
+                position_colour_tau_s: 0.0,
+                ..ideal()
+            }),
+            "gnss.position_colour_tau_s"
+        );
+    }
+}

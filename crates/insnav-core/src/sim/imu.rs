@@ -338,3 +338,293 @@ fn quantise(value: &mut Vector3<f64>, quantum: f64, counts: bool, residue: &mut 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenario::Scenario;
+    use super::*;
+
+    fn scenario(duration: f64, output: ImuOutput, errors: ImuErrorModel) -> Scenario {
+        let mut scenario = Scenario::standing(duration, 30.0);
+        scenario.imu = ImuModel {
+            rate_hz: 100.0,
+            output,
+            errors,
+        };
+        scenario
+    }
+
+    /// (angular, force, biases) of every sample.
+    fn run(scenario: &Scenario, seed: u64) -> Vec<(Vector3<f64>, Vector3<f64>, ImuErrors)> {
+        let trajectory = Trajectory::new(&scenario.drive).expect("valid");
+        let (samples, biases) = simulate(&scenario.imu, &trajectory, scenario.duration_s, seed);
+        let numbers = samples.iter().map(|s| match s {
+            Sample::Imu(s) => (s.angular_rate_b, s.specific_force_b),
+            Sample::ImuIncrement(s) => (s.angle_b, s.velocity_b),
+            other => panic!("{other:?}"),
+        });
+        numbers.zip(biases).map(|((a, f), b)| (a, f, b)).collect()
+    }
+
+    fn only(change: impl FnOnce(&mut ImuNoise)) -> ImuErrorModel {
+        let mut noise = ImuNoise::from_data_sheet(0.0, 0.0, 0.0, 0.0, 100.0, 100.0);
+        change(&mut noise);
+        ImuErrorModel::from_noise(noise)
+    }
+
+    /// Against Simpson's rule with 400 parts, whose own remainder is rounding for a 2.5 Hz motion.
+    #[test]
+    fn increments_are_the_integrals_of_the_rates() {
+        let trajectory = Trajectory::new(&Scenario::car_drive(300.0).drive).expect("valid");
+        let rule = gauss_legendre::<NODES>();
+        let mut midpoint_rule = 0.0f64;
+        for i in 0..60 {
+            for span in [0.005, 0.02, 0.1] {
+                let to = 61.0 + 3.9 * f64::from(i);
+                let n = 400;
+                let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
+                for j in 0..=n {
+                    let k = trajectory.after(to - span * f64::from(n - j) / f64::from(n));
+                    let w = if j == 0 || j == n {
+                        1.0
+                    } else {
+                        2.0 + 2.0 * f64::from(j % 2)
+                    };
+                    angle += k.angular_rate_b * (w * span / (3.0 * f64::from(n)));
+                    velocity += k.specific_force_b * (w * span / (3.0 * f64::from(n)));
+                }
+                let (a, v) = quadrature(&trajectory, to, span, &rule, PANEL);
+                // Instants are known to 5e-14 s here, at jerks of some m/s³ and rad/s² each; and rounding of the sums.
+                assert!((a - angle).norm() < 1e-15 + 1e-13 * span, "{}", a - angle);
+                assert!(
+                    (v - velocity).norm() < 1e-14 + 3e-13 * span,
+                    "{}",
+                    v - velocity
+                );
+                let (a, v) = quadrature(&trajectory, to, span, &gauss_legendre::<1>(), span);
+                midpoint_rule = midpoint_rule.max((a - angle).norm() + (v - velocity).norm());
+            }
+        }
+        // Negative control: the value in the middle times the length.
+        assert!(midpoint_rule > 1e-4, "{midpoint_rule}");
+    }
+
+    /// Fewer nodes on the same panels: from two to three the error falls to rounding's neighbourhood, four and five agree.
+    #[test]
+    fn quadrature_converges_with_its_nodes() {
+        let trajectory = Trajectory::new(&Scenario::car_drive(300.0).drive).expect("valid");
+        fn integral<const N: usize>(trajectory: &Trajectory, to: f64) -> Vector3<f64> {
+            quadrature(trajectory, to, 0.1, &gauss_legendre::<N>(), 0.1).1
+        }
+        let mut errors = [0.0f64; 4];
+        for i in 0..100 {
+            let to = 61.0 + 2.3 * f64::from(i);
+            let exact = quadrature(&trajectory, to, 0.1, &gauss_legendre::<8>(), PANEL).1;
+            let found = [
+                integral::<1>(&trajectory, to),
+                integral::<2>(&trajectory, to),
+                integral::<3>(&trajectory, to),
+                integral::<4>(&trajectory, to),
+            ];
+            for (error, v) in errors.iter_mut().zip(found) {
+                *error = error.max((v - exact).norm());
+            }
+        }
+        // Each node is two orders of a motion of 2.5 Hz over 0.1 s: (2π · 2.5 · 0.1)² over growing factorials.
+        assert!(errors.windows(2).all(|e| e[0] > 50.0 * e[1]), "{errors:?}");
+        assert!(errors[3] < 1e-9, "{errors:?}");
+    }
+
+    #[test]
+    fn an_ideal_unit_says_the_truth() {
+        let mut scenario = Scenario::car_drive(120.0);
+        scenario.imu = ImuModel {
+            rate_hz: 50.0,
+            output: ImuOutput::Rates,
+            errors: ImuErrorModel::default(),
+        };
+        let trajectory = Trajectory::new(&scenario.drive).expect("valid");
+        for (i, (w, f, biases)) in run(&scenario, 3).into_iter().enumerate() {
+            let k = trajectory.at(trajectory.start().plus(i as f64 / 50.0));
+            assert_eq!((w, f), (k.angular_rate_b, k.specific_force_b));
+            assert_eq!(biases, ImuErrors::default());
+        }
+    }
+
+    /// Variance density² × rate of rates, density² × interval of increments; within four standard errors.
+    #[test]
+    fn white_noise_has_its_density() {
+        let (gyro, accel) = (2e-3, 5e-2);
+        for (output, factor) in [(ImuOutput::Rates, 100.0), (ImuOutput::Increments, 0.01)] {
+            let errors = only(|n| (n.gyro_white, n.accel_white) = (gyro, accel));
+            let noisy = run(&scenario(500.0, output, errors), 5);
+            let clean = run(&scenario(500.0, output, ImuErrorModel::default()), 5);
+            let mut square = (Vector3::zeros(), Vector3::zeros());
+            let mut lagged = Vector3::zeros();
+            let mut before = Vector3::zeros();
+            let n = noisy.len() as f64;
+            for (a, b) in noisy.iter().zip(&clean) {
+                let (w, f) = (a.0 - b.0, a.1 - b.1);
+                square.0 += w.component_mul(&w) / n;
+                square.1 += f.component_mul(&f) / n;
+                lagged += w.component_mul(&before) / n;
+                before = w;
+            }
+            for (found, density) in [(square.0, gyro), (square.1, accel)] {
+                let expected = density * density * factor;
+                assert!(
+                    found.add_scalar(-expected).amax() < 4.0 * expected * (2.0 / n).sqrt(),
+                    "{found} {expected}"
+                );
+            }
+            assert!(lagged.amax() < 4.0 * gyro * gyro * factor / n.sqrt());
+        }
+    }
+
+    /// The drift of many units: power-on sigma at the begin, the steady one after many correlation times.
+    #[test]
+    fn biases_start_with_their_power_on_sigma_and_settle() {
+        let errors = only(|n| {
+            (n.gyro_bias_sigma, n.gyro_turn_on_sigma, n.gyro_bias_tau) = (1e-4, 3e-4, 2.0);
+            (n.accel_bias_sigma, n.accel_turn_on_sigma, n.accel_bias_tau) = (0.2, 0.0, 1.0);
+        });
+        let scenario = scenario(10.0, ImuOutput::Rates, errors);
+        let runs = 600;
+        let (mut first, mut last) = (ImuErrors::default(), ImuErrors::default());
+        for seed in 0..runs {
+            let samples = run(&scenario, seed);
+            for (sum, b) in [
+                (&mut first, samples[0].2),
+                (&mut last, samples[samples.len() - 1].2),
+            ] {
+                sum.gyro_bias += b.gyro_bias.component_mul(&b.gyro_bias) / runs as f64;
+                sum.accel_bias += b.accel_bias.component_mul(&b.accel_bias) / runs as f64;
+            }
+        }
+        // What is left of the power-on after five and ten correlation times: e⁻¹⁰ of its variance.
+        let left = (-10.0f64).exp();
+        let close = |found: Vector3<f64>, sigma: f64| {
+            found.add_scalar(-sigma * sigma).amax()
+                <= 4.0 * sigma * sigma * (2.0 / runs as f64).sqrt()
+        };
+        assert!(close(first.gyro_bias, 3e-4), "{}", first.gyro_bias);
+        assert_eq!(first.accel_bias, Vector3::zeros());
+        assert!(
+            close(last.gyro_bias, (1e-8 + left * 8e-8f64).sqrt()),
+            "{}",
+            last.gyro_bias
+        );
+        assert!(close(last.accel_bias, 0.2), "{}", last.accel_bias);
+    }
+
+    #[test]
+    fn what_is_measured_is_truth_plus_the_stated_bias() {
+        let mut errors = only(|n| n.gyro_turn_on_sigma = 1e-3);
+        errors.gyro_bias_deg_per_hour = [10.0, -20.0, 30.0];
+        errors.accel_bias_m_per_s2 = [0.1, 0.2, -0.3];
+        for (output, span) in [(ImuOutput::Rates, 1.0), (ImuOutput::Increments, 0.01)] {
+            let biased = run(&scenario(2.0, output, errors), 1);
+            let clean = run(&scenario(2.0, output, ImuErrorModel::default()), 1);
+            for (a, b) in biased.iter().zip(&clean) {
+                assert!((a.0 - b.0 - a.2.gyro_bias * span).norm() < 1e-17);
+                // Rounding of 9.8 m/s²; the first interval's length comes from stamps, as all others do.
+                assert!((a.1 - b.1 - a.2.accel_bias * span).norm() < 4e-15);
+            }
+            let constant = Vector3::new(10.0f64, -20.0, 30.0).map(f64::to_radians) / 3600.0;
+            assert!(
+                (biased[0].2.gyro_bias - constant).norm() > 1e-5,
+                "the drawn part is there"
+            );
+        }
+    }
+
+    #[test]
+    fn scale_factors_stretch_what_is_measured() {
+        let errors = ImuErrorModel {
+            gyro_scale_ppm: [100.0, 200.0, -300.0],
+            accel_scale_ppm: [0.0, 0.0, 1000.0],
+            ..ImuErrorModel::default()
+        };
+        let stretched = run(&scenario(1.0, ImuOutput::Rates, errors), 1)[50];
+        let clean = run(
+            &scenario(1.0, ImuOutput::Rates, ImuErrorModel::default()),
+            1,
+        )[50];
+        let gain = Vector3::new(1.0001, 1.0002, 0.9997);
+        assert!((stretched.0 - clean.0.component_mul(&gain)).norm() < 1e-19);
+        assert!((stretched.1.z - clean.1.z * 1.001).abs() < 1e-14);
+    }
+
+    #[test]
+    fn quantised_rates_are_rounded_and_quantised_increments_lose_nothing() {
+        let (qw, qf) = (1e-5, 1e-3);
+        let errors = ImuErrorModel {
+            gyro_quantum: qw,
+            accel_quantum: qf,
+            ..ImuErrorModel::default()
+        };
+        for output in [ImuOutput::Rates, ImuOutput::Increments] {
+            let coarse = run(&scenario(20.0, output, errors), 1);
+            let clean = run(&scenario(20.0, output, ImuErrorModel::default()), 1);
+            let (mut angle, mut force) = (Vector3::zeros(), Vector3::zeros());
+            for (a, b) in coarse.iter().zip(&clean) {
+                assert!(a.0.iter().all(|v| (v / qw - (v / qw).round()).abs() < 1e-9));
+                angle += a.0 - b.0;
+                force += a.1 - b.1;
+                if output == ImuOutput::Increments {
+                    assert!(
+                        angle.amax() < 0.51 * qw && force.amax() < 0.51 * qf,
+                        "{angle} {force}"
+                    );
+                }
+            }
+            // Negative control: the Earth's rate is below the quantum; rounded rates never see it, and their sum runs away.
+            if output == ImuOutput::Rates {
+                assert!(angle.amax() > 10.0 * qw, "{angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_error_does_not_change_the_others() {
+        let white = only(|n| n.gyro_white = 1e-3);
+        let both = only(|n| (n.gyro_white, n.accel_white, n.gyro_bias_sigma) = (1e-3, 1e-2, 1e-3));
+        let a = run(&scenario(1.0, ImuOutput::Rates, white), 9);
+        let b = run(&scenario(1.0, ImuOutput::Rates, both), 9);
+        for (a, b) in a.iter().zip(&b) {
+            assert!((a.0 - (b.0 - b.2.gyro_bias)).norm() < 1e-17);
+        }
+    }
+
+    #[test]
+    fn bad_numbers_are_refused_by_name() {
+        let mut bad = scenario(1.0, ImuOutput::Rates, ImuErrorModel::default());
+        bad.imu.rate_hz = 0.0;
+        assert!(matches!(
+            bad.simulate(0),
+            Err(Error::Config {
+                key: "imu.rate_hz",
+                ..
+            })
+        ));
+        let mut bad = scenario(1.0, ImuOutput::Rates, only(|n| n.gyro_bias_tau = 0.0));
+        assert!(matches!(
+            bad.simulate(0),
+            Err(Error::Config {
+                key: "imu.errors.noise.gyro_bias_tau",
+                ..
+            })
+        ));
+        bad.imu.errors = ImuErrorModel {
+            accel_quantum: f64::NAN,
+            ..ImuErrorModel::default()
+        };
+        assert!(matches!(
+            bad.simulate(0),
+            Err(Error::Config {
+                key: "imu.errors.accel_quantum",
+                ..
+            })
+        ));
+    }
+}

@@ -81,3 +81,66 @@ impl Simulation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_come_in_the_order_of_arrival() {
+        let mut scenario = Scenario::car_drive(100.0);
+        scenario.gnss.latency_s = 0.2333;
+        scenario.gnss.time_offset_s = 0.05;
+        let simulation = scenario.simulate(1).expect("valid");
+        let mut newest = Time(i64::MIN);
+        for sample in &simulation.samples {
+            if sample.is_inertial() {
+                assert!(sample.time() > newest);
+                newest = sample.time();
+            } else {
+                let arrival = sample.time().plus(0.2333 - 0.05);
+                // After the last inertial sample before its arrival, not later than the next.
+                assert!(
+                    arrival.since(newest) > -1e-9 && arrival.since(newest) < 0.3,
+                    "{}",
+                    arrival.since(newest)
+                );
+            }
+        }
+        let inertial = simulation
+            .samples
+            .iter()
+            .filter(|s| s.is_inertial())
+            .count();
+        assert_eq!(inertial, 20_001);
+        assert_eq!(simulation.samples.len() - inertial, 202);
+    }
+
+    #[test]
+    fn biases_at_a_stamp_are_those_in_its_sample() {
+        let scenario = Scenario::car_drive(30.0);
+        let simulation = scenario.simulate(5).expect("valid");
+        let mut quiet = scenario.clone();
+        let noise = quiet.imu.errors.noise.as_mut().expect("automotive grade");
+        (noise.gyro_white, noise.accel_white) = (0.0, 0.0);
+        for sample in quiet.simulate(5).expect("valid").samples {
+            let Sample::Imu(s) = sample else { continue };
+            let truth = simulation.truth_at(s.time);
+            assert!(
+                (s.angular_rate_b - truth.angular_rate_b - truth.imu_errors.gyro_bias).norm()
+                    < 1e-15
+            );
+            assert!(
+                (s.specific_force_b - truth.specific_force_b - truth.imu_errors.accel_bias).norm()
+                    < 1e-14
+            );
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_run() {
+        let run = |seed| Scenario::demo().simulate(seed).expect("valid").samples;
+        assert_eq!(run(3), run(3));
+        assert_ne!(run(3), run(4));
+    }
+}
