@@ -51,9 +51,10 @@ impl Geodetic {
         )
     }
 
-    /// From an Earth-centred Earth-fixed position, m: Bowring's formula with one Newton-like repetition ([Bowring76]).
+    /// From an Earth-centred Earth-fixed position, m: Bowring's formula, repeated twice ([Bowring76]).
     ///
-    /// Good to a nanometre from −10 km to 10 000 km of height; the Earth's centre itself has no latitude and comes out as 0.
+    /// Good to some nanometres from −10 km to 10 000 km of height. Within 50 km of the Earth's centre more than one latitude
+    /// fits, and what comes out may fail [`Geodetic::is_valid`].
     pub fn from_ecef(r_e: &Vector3<f64>) -> Self {
         let p = (r_e.x * r_e.x + r_e.y * r_e.y).sqrt();
         let second_eccentricity_squared = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED);

@@ -94,3 +94,64 @@ impl LocalEarth {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::log;
+    use nalgebra::{Rotation3, UnitQuaternion};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The NED axes themselves, moved a centimetre either way: C' = −[ω_en ×] C for C = C_e^n.
+        #[test]
+        fn transport_rate_turns_the_navigation_frame(
+            latitude_deg in -85.0..85.0f64, longitude_deg in -179.0..179.0f64, height in -1e3..2e4f64,
+            n in -300.0..300.0f64, e in -300.0..300.0f64, d in -50.0..50.0f64,
+        ) {
+            let at = Geodetic::from_degrees(latitude_deg, longitude_deg, height);
+            let v = Vector3::new(n, e, d);
+            let axes = |dt: f64| {
+                let c = at.offset(&(v * dt)).ned_to_ecef();
+                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c))
+            };
+            let h = 0.01;
+            let turned = log(&(axes(-h).inverse() * axes(h))) / (2.0 * h);
+            let found = transport_rate_n(&at, &v);
+            // Rounding of a rotation over 0.02 s; the curve's third derivative is of the size rate³.
+            prop_assert!((turned - found).norm() < 1e-13, "{turned} {found}");
+        }
+
+        #[test]
+        fn moved_is_the_earth_a_little_further(
+            latitude_deg in -85.0..85.0f64, height in -1e3..2e4f64,
+            n in -1.0..1.0f64, e in -1.0..1.0f64, d in -1.0..1.0f64,
+        ) {
+            let at = Geodetic::from_degrees(latitude_deg, 0.0, height);
+            let by = Vector3::new(n, e, d);
+            let (found, exact) = (LocalEarth::at(&at).moved(&by), LocalEarth::at(&at.offset(&by)));
+            // A metre is 1.6e-7 rad: its square is left out of sine and cosine, and 1e-9 of the radii.
+            prop_assert!((found.sin_latitude - exact.sin_latitude).abs() < 2e-14);
+            prop_assert!((found.cos_latitude - exact.cos_latitude).abs() < 2e-14);
+            prop_assert!((found.meridian - exact.meridian).abs() < 2e-2);
+            prop_assert!((found.transverse - exact.transverse).abs() < 1e-2);
+            prop_assert!((found.height - exact.height).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn earth_rate_is_the_earths_axis_in_local_components() {
+        for (latitude_deg, longitude_deg) in [(0.0, 0.0), (52.0, 13.0), (-80.0, -170.0)] {
+            let at = Geodetic::from_degrees(latitude_deg, longitude_deg, 0.0);
+            let axis = at.ned_to_ecef() * earth_rate_n(at.latitude);
+            assert!(
+                (axis - Vector3::new(0.0, 0.0, EARTH_RATE)).norm() < 1e-19,
+                "{axis}"
+            );
+            assert_eq!(
+                LocalEarth::at(&at).earth_rate_n(),
+                earth_rate_n(at.latitude)
+            );
+        }
+    }
+}

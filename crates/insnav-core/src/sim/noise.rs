@@ -74,7 +74,7 @@ impl Source {
     }
 }
 
-/// Output function of SplitMix64 ([Steele14] figure 16), increment included.
+/// Output function of SplitMix64 ([Steele14]), increment included.
 fn spread(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -84,8 +84,8 @@ fn spread(x: u64) -> u64 {
 
 /// A first-order Gauss–Markov process of three independent components: ẋ = −x/τ + noise, steady sigma σ.
 ///
-/// Stepped exactly: x(t + dt) = φ x(t) + σ √(1 − φ²) n, φ = exp(−dt/τ) ([Groves13] section 14.2.3), so that its statistics
-/// do not depend on the steps.
+/// Stepped exactly: x(t + dt) = φ x(t) + σ √(1 − φ²) n, φ = exp(−dt/τ), so that its statistics do not
+/// depend on the steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GaussMarkov {
     /// The value now.

@@ -324,7 +324,7 @@ impl Trajectory {
         let earth = LocalEarth::at(&position);
         let earth_rate = earth.earth_rate_n();
         let transport_rate = earth.transport_rate_n(&velocity_n);
-        // ω_nb from the Euler rates ([Groves13] eq. 2.57).
+        // ω_nb from the Euler rates, 3-2-1 sequence ([Groves13] section 2.3.1).
         let (sr, cr) = roll.sin_cos();
         let (sp, cp) = pitch.sin_cos();
         let rate_nb_b = Vector3::new(
@@ -595,7 +595,7 @@ mod tests {
                     let nav = trajectory.after(t + dt).nav;
                     nav.position.ned_to_ecef() * nav.velocity_n
                 };
-                // In rotating ECEF axes: f = dv/dt + 2 ω_ie × v − g ([Groves13] eq. 5.36), no transport rate in it.
+                // In rotating ECEF axes: f = dv/dt + 2 ω_ie × v − g ([Groves13] section 5.3), no transport rate in it.
                 let c_en = k.nav.position.ned_to_ecef();
                 let earth_rate_e = Vector3::new(0.0, 0.0, EARTH_RATE);
                 let g_e = c_en * Vector3::new(0.0, 0.0, gravity(&k.nav.position));
