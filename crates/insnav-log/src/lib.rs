@@ -9,15 +9,27 @@
 
 pub mod cdr;
 mod container;
+pub mod csv;
 mod error;
+mod frames;
 mod log;
+mod log_writer;
+mod mcap_writer;
+mod output_file;
 mod reorder;
 pub mod ros2;
 mod samples;
+mod sink;
+mod solution;
 pub mod topics;
+pub mod tum;
 
 pub use container::Message;
 pub use error::LogError;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
+pub use log_writer::{LogWriter, LogWriterOptions};
+pub use mcap_writer::Compression;
 pub use samples::{SampleCounts, Samples};
+pub use sink::{McapSink, SinkOptions, SinkSummary};
+pub use solution::{SolutionTable, UpdateRow};
 pub use topics::{Choice, Role, Selection, TopicInfo};

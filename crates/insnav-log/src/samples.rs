@@ -2,6 +2,7 @@
 
 use crate::container::Messages;
 use crate::error::LogError;
+use crate::frames::{ENU_NED, FLU_FRD};
 use crate::log::{ImuAxes, Log, TimeSource};
 use crate::reorder::Reorder;
 use crate::ros2::{
@@ -241,12 +242,6 @@ impl Iterator for Samples<'_> {
         sample
     }
 }
-
-/// Forward-left-up and forward-right-down differ by half a turn about forward; so do east-north-up and north-east-down by
-/// half a turn about their diagonal. Each matrix is its own inverse.
-pub(crate) const FLU_FRD: Matrix3<f64> =
-    Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
-pub(crate) const ENU_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
 
 /// Rotation from the axes of IMU messages to the body (forward-right-down).
 pub(crate) fn imu_to_body(axes: ImuAxes, mounting_rpy_deg: Option<[f64; 3]>) -> Matrix3<f64> {
