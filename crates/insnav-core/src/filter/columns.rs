@@ -67,20 +67,34 @@ impl<const M: usize> Columns<M> {
 
     #[inline]
     fn push(&mut self, place: usize, column: [f64; M]) {
-        // A list longer than the capacity means a column put again: add it to the one that is there.
         if self.len == CAPACITY {
-            for (p, v) in self.place.iter().zip(&mut self.value) {
-                if usize::from(*p) == place {
-                    for (x, y) in v.iter_mut().zip(column) {
-                        *x += y;
-                    }
-                    return;
-                }
-            }
+            self.fold_and_push(place, column);
+            return;
         }
         self.place[self.len] = place as u8;
         self.value[self.len] = column;
         self.len += 1;
+    }
+
+    /// Push onto a full list: columns that were put again are added up, which makes room, since there are no more places
+    /// than the capacity.
+    #[cold]
+    fn fold_and_push(&mut self, place: usize, column: [f64; M]) {
+        let full = *self;
+        self.clear();
+        for (p, v) in full.iter().chain([(place, &column)]) {
+            let known = self.place[..self.len]
+                .iter()
+                .position(|&q| usize::from(q) == p);
+            match known {
+                Some(i) => {
+                    for (x, y) in self.value[i].iter_mut().zip(v) {
+                        *x += y;
+                    }
+                }
+                None => self.push(p, *v),
+            }
+        }
     }
 
     /// The columns: place among the open states, and values.
@@ -158,5 +172,17 @@ mod tests {
         (x[3], x[4], x[5]) = (1.0, 2.0, 3.0);
         assert_eq!(h.times(&x), [21.0, 40.0, 60.0]);
         assert_eq!(part(&layout, &x, ATTITUDE).unwrap().norm(), 0.0);
+    }
+
+    #[test]
+    fn a_new_column_finds_room_in_a_full_list_of_repetitions() {
+        let layout = Layout::default();
+        let mut h = Columns::<1>::default();
+        for _ in 0..CAPACITY {
+            h.put_axis(&layout, VELOCITY, 0, [1.0]);
+        }
+        h.put_axis(&layout, ATTITUDE, 2, [7.0]);
+        let columns: [(usize, f64); 2] = [(3, CAPACITY as f64), (8, 7.0)];
+        assert!(h.iter().map(|(place, v)| (place, v[0])).eq(columns));
     }
 }

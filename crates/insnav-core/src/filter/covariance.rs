@@ -337,7 +337,8 @@ impl Covariance {
         }
     }
 
-    /// Move one state with all its covariances into a block of its own, leaving zero behind: P ← T P Tᵀ.
+    /// Move one state with all its covariances into a block of its own, leaving zero behind: P ← T P Tᵀ. A block that is
+    /// open already gains what is moved.
     ///
     /// The total, the two together, is unchanged; [`Covariance::merge`] is the exact way back ([Kozadaev17] eq. 9–12 with the
     /// cross-covariances kept).
@@ -350,17 +351,12 @@ impl Covariance {
         axis: usize,
         into: Block<1>,
     ) -> Result<()> {
+        debug_assert!(axis < N);
         let Some(source) = self.layout.offset(from).map(|at| at + axis) else {
             return Ok(());
         };
         let target = self.layout.open(into)?;
-        self.p[target] = self.p[source];
-        for i in 0..self.layout.len() {
-            let x = self.get(i, source);
-            self.set(i, target, x);
-        }
-        let variance = self.get(source, source);
-        self.set(target, target, variance);
+        self.add_state(source, target);
         self.clear_row(source);
         Ok(())
     }
@@ -373,17 +369,24 @@ impl Covariance {
         ) else {
             return;
         };
-        let variance =
-            self.get(target, target) + 2.0 * self.get(target, source) + self.get(source, source);
-        for j in 0..self.layout.len() {
-            if j != target && j != source {
-                let x = self.get(target, j) + self.get(source, j);
-                self.set(target, j, x);
-                self.set(j, target, x);
-            }
-        }
-        self.set(target, target, variance);
+        debug_assert!(axis < N);
+        self.add_state(source, target);
         self.close(from);
+    }
+
+    /// Add one state to another: row, then column.
+    fn add_state(&mut self, source: usize, target: usize) {
+        let n = self.layout.len();
+        for j in 0..n {
+            let x = self.get(target, j) + self.get(source, j);
+            self.set(target, j, x);
+        }
+        for j in (0..n).filter(|j| *j != target) {
+            let x = self.get(target, j);
+            self.set(j, target, x);
+        }
+        let variance = self.get(target, target) + self.get(target, source);
+        self.set(target, target, variance);
     }
 
     #[inline]
