@@ -9,6 +9,7 @@
 
 pub mod cdr;
 mod container;
+pub mod convert;
 pub mod csv;
 mod error;
 mod frames;
@@ -21,7 +22,9 @@ pub mod ros2;
 mod samples;
 mod sink;
 mod solution;
+mod stats;
 pub mod topics;
+mod transforms;
 pub mod tum;
 
 pub use container::Message;
@@ -32,4 +35,6 @@ pub use mcap_writer::Compression;
 pub use samples::{SampleCounts, Samples};
 pub use sink::{McapSink, SinkOptions, SinkSummary};
 pub use solution::{SolutionTable, UpdateRow};
+pub use stats::{Spread, TopicStatistics};
 pub use topics::{Choice, Role, Selection, TopicInfo};
+pub use transforms::StaticTransform;

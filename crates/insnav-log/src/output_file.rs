@@ -52,10 +52,6 @@ impl OutputFile {
         })
     }
 
-    pub(crate) fn path(&self) -> &Path {
-        &self.target
-    }
-
     /// Give the file its name. Returns its length.
     pub(crate) fn commit(mut self) -> Result<u64, LogError> {
         let target = self.target.clone();

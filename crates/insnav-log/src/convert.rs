@@ -1,0 +1,248 @@
+//! Between the common CSV, ROS 2 logs, and TUM trajectories.
+
+use crate::csv::{self, GnssTable, ImuTable};
+use crate::error::LogError;
+use crate::frames::FLU_FRD;
+use crate::log::{ImuAxes, Log, ReadOptions};
+use crate::log_writer::{LogWriter, LogWriterOptions};
+use crate::solution::SolutionTable;
+use crate::tum::Trajectory;
+use insnav_core::earth::Geodetic;
+use insnav_core::sample::{ImuSample, Sample};
+use insnav_core::time::Time;
+use nalgebra::{Matrix3, Vector3};
+use std::path::{Path, PathBuf};
+
+/// Where `t_s` = 0 is put unless told otherwise: 2020-09-13 12:26:40 UTC, a round number that every tool takes for a date.
+pub const DEFAULT_T0: Time = Time(1_600_000_000_000_000_000);
+
+/// The tables of one recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CsvInputs {
+    /// Inertial data.
+    pub imu: PathBuf,
+    /// GNSS, if there is any.
+    pub gnss: Option<PathBuf>,
+}
+
+impl CsvInputs {
+    /// The tables in a folder, by their usual names: `imu.csv[.gz]` and, if it is there, `gnss.csv[.gz]`.
+    pub fn in_folder(folder: &Path) -> Result<Self, LogError> {
+        let find = |name: &str| {
+            ["csv.gz", "csv"]
+                .map(|end| folder.join(format!("{name}.{end}")))
+                .into_iter()
+                .find(|p| p.is_file())
+        };
+        let imu = find("imu").ok_or_else(|| LogError::NoSuchFile {
+            path: folder.join("imu.csv"),
+        })?;
+        Ok(CsvInputs {
+            imu,
+            gnss: find("gnss"),
+        })
+    }
+}
+
+/// How to turn tables into a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConvertOptions {
+    /// Where `t_s` = 0 is on the log's clock.
+    pub t0: Time,
+    /// Axes of the inertial table. The log is written forward-left-up either way.
+    pub axes: ImuAxes,
+    /// How to write the log; its `t0` is set from here.
+    pub writer: LogWriterOptions,
+}
+
+impl Default for ConvertOptions {
+    fn default() -> Self {
+        ConvertOptions {
+            t0: DEFAULT_T0,
+            axes: ImuAxes::Frd,
+            writer: LogWriterOptions::default(),
+        }
+    }
+}
+
+/// What was converted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ConvertSummary {
+    /// Inertial samples.
+    pub imu: u64,
+    /// GNSS positions.
+    pub gnss_position: u64,
+    /// GNSS velocities.
+    pub gnss_velocity: u64,
+    /// Files written.
+    pub outputs: Vec<PathBuf>,
+    /// Columns or topics that have no place in the output.
+    pub ignored: Vec<String>,
+}
+
+/// Tables to a ROS 2 log, in order of time.
+pub fn csv_to_mcap(
+    inputs: &CsvInputs,
+    output: &Path,
+    options: &ConvertOptions,
+) -> Result<ConvertSummary, LogError> {
+    let imu = csv::read_imu(&inputs.imu)?;
+    let gnss = inputs.gnss.as_deref().map(csv::read_gnss).transpose()?;
+    let to_frd = match options.axes {
+        ImuAxes::Frd => Matrix3::identity(),
+        ImuAxes::Flu => FLU_FRD,
+    };
+    let mut samples: Vec<Sample> = imu
+        .samples(options.t0)
+        .map(|s| ImuSample {
+            angular_rate_b: to_frd * s.angular_rate_b,
+            specific_force_b: to_frd * s.specific_force_b,
+            ..s
+        })
+        .map(Sample::Imu)
+        .collect();
+    let mut summary = ConvertSummary {
+        imu: samples.len() as u64,
+        outputs: vec![output.into()],
+        ..Default::default()
+    };
+    if !imu.magnetic_field.is_empty() {
+        summary.ignored.push("mx,my,mz".into());
+    }
+    if let Some(gnss) = &gnss {
+        for row in 0..gnss.t_s.len() {
+            let position = gnss
+                .position_sample(row, options.t0)
+                .map(Sample::GnssPosition);
+            let velocity = gnss
+                .velocity_sample(row, options.t0)
+                .map(Sample::GnssVelocity);
+            summary.gnss_position += u64::from(position.is_some());
+            summary.gnss_velocity += u64::from(velocity.is_some());
+            samples.extend(position);
+            samples.extend(velocity);
+        }
+    }
+    // Stable: a position stays before the velocity of the same instant.
+    samples.sort_by_key(Sample::time);
+    let mut writer = LogWriter::create(
+        output,
+        LogWriterOptions {
+            t0: Some(options.t0),
+            ..options.writer.clone()
+        },
+    )?;
+    for sample in &samples {
+        writer.write(sample)?;
+    }
+    writer.finish()?;
+    Ok(summary)
+}
+
+/// A ROS 2 log to `imu.csv.gz` and, if it has GNSS, `gnss.csv.gz` in a folder; forward-right-down, `t_s` from the log's zero.
+pub fn mcap_to_csv(log: &Log, folder: &Path, force: bool) -> Result<ConvertSummary, LogError> {
+    let t0 = log.t0()?.unwrap_or_default();
+    let mut imu = ImuTable::default();
+    let mut gnss = GnssTable::default();
+    let mut summary = ConvertSummary::default();
+    for sample in log.samples()? {
+        match sample? {
+            Sample::Imu(sample) => {
+                imu.t_s.push(sample.time.since(t0));
+                imu.angular_rate.push(sample.angular_rate_b);
+                imu.specific_force.push(sample.specific_force_b);
+                summary.imu += 1;
+            }
+            Sample::GnssPosition(sample) => {
+                let row = gnss_row(&mut gnss, sample.time.since(t0));
+                gnss.position[row] = sample.position;
+                gnss.position_sigma_n[row] = sigma(sample.covariance_n.as_ref());
+                summary.gnss_position += 1;
+            }
+            Sample::GnssVelocity(sample) => {
+                let row = gnss_row(&mut gnss, sample.time.since(t0));
+                gnss.velocity_n[row] = sample.velocity_n;
+                gnss.velocity_sigma_n[row] = sigma(sample.covariance_n.as_ref());
+                summary.gnss_velocity += 1;
+            }
+            _ => {}
+        }
+    }
+    std::fs::create_dir_all(folder).map_err(|source| LogError::OutputNotWritable {
+        path: folder.into(),
+        source,
+    })?;
+    let path = folder.join("imu.csv.gz");
+    csv::write_imu(&path, &imu, force)?;
+    summary.outputs.push(path);
+    if !gnss.t_s.is_empty() {
+        let path = folder.join("gnss.csv.gz");
+        csv::write_gnss(&path, &gnss, force)?;
+        summary.outputs.push(path);
+    }
+    let selected: Vec<usize> = crate::topics::Role::ALL
+        .iter()
+        .filter_map(|role| log.selected().topic(*role))
+        .collect();
+    let others = log
+        .topics()
+        .iter()
+        .enumerate()
+        .filter(|(index, _)| !selected.contains(index));
+    summary.ignored = others.map(|(_, topic)| topic.name.clone()).collect();
+    Ok(summary)
+}
+
+/// The row of an instant: the last one if it has this time, else a new one where nothing is known.
+fn gnss_row(table: &mut GnssTable, t_s: f64) -> usize {
+    if table.t_s.last() != Some(&t_s) {
+        let unknown = Vector3::repeat(f64::NAN);
+        table.t_s.push(t_s);
+        table.position.push(Geodetic {
+            latitude: f64::NAN,
+            longitude: f64::NAN,
+            height: f64::NAN,
+        });
+        table.velocity_n.push(unknown);
+        table.position_sigma_n.push(unknown);
+        table.velocity_sigma_n.push(unknown);
+        table.fix.push(f64::NAN);
+    }
+    table.t_s.len() - 1
+}
+
+fn sigma(covariance: Option<&Matrix3<f64>>) -> Vector3<f64> {
+    covariance.map_or_else(
+        || Vector3::repeat(f64::NAN),
+        |p| p.diagonal().map(f64::sqrt),
+    )
+}
+
+/// A solution to a TUM trajectory in its map. Returns the number of poses.
+pub fn solution_to_tum(input: &Path, output: &Path, force: bool) -> Result<usize, LogError> {
+    let solution = SolutionTable::read(input)?;
+    let Some(origin) = solution.origin().filter(|_| solution.has_attitude) else {
+        return Err(LogError::NotASolution {
+            path: input.into(),
+            reason: "no epochs with an attitude".into(),
+        });
+    };
+    Trajectory::from_solution(&solution, origin).write(output, force)?;
+    Ok(solution.len())
+}
+
+/// A solution to a CSV in the form of a `truth.csv`. Returns the number of epochs.
+pub fn solution_to_csv(input: &Path, output: &Path, force: bool) -> Result<usize, LogError> {
+    let solution = SolutionTable::read(input)?;
+    csv::write_solution(output, &solution, solution.t0().unwrap_or_default(), force)?;
+    Ok(solution.len())
+}
+
+/// Whether a log is a solution written here rather than a recording.
+pub fn is_solution(path: &Path) -> Result<bool, LogError> {
+    let log = Log::open(path, ReadOptions::default())?;
+    Ok(log
+        .topics()
+        .iter()
+        .any(|topic| topic.name == "/insnav/state"))
+}

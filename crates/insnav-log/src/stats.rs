@@ -1,0 +1,269 @@
+//! How regular the topics of a log are: rate, jitter, gaps, duplicates, backward steps, header stamp against log time.
+
+use crate::cdr::CdrReader;
+use crate::error::LogError;
+use crate::log::Log;
+use crate::ros2::{Decode, Header, Imu, NavSatFix, TwistStamped};
+use crate::samples::{Unusable, gnss_position};
+use insnav_core::time::Time;
+
+/// An interval is a gap when it is longer than this many median intervals: beyond what jitter and one lost sample make.
+const GAP_FACTOR: f64 = 5.0;
+
+/// Regularity of one topic. Times are header stamps where the messages have them, else log times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TopicStatistics {
+    /// Name of the topic.
+    pub topic: String,
+    /// Type of its messages.
+    pub schema: String,
+    /// Number of messages.
+    pub count: u64,
+    /// Earliest stamp.
+    pub first: Option<Time>,
+    /// Latest stamp.
+    pub last: Option<Time>,
+    /// Messages per second: one over the median interval.
+    pub rate_hz: Option<f64>,
+    /// Median interval, s.
+    pub interval_median_s: Option<f64>,
+    /// Longest interval, s.
+    pub interval_max_s: Option<f64>,
+    /// Standard deviation of the intervals that are no gaps, s.
+    pub jitter_s: Option<f64>,
+    /// Intervals longer than five medians: last stamp before, first after.
+    pub gaps: Vec<(Time, Time)>,
+    /// Messages with the stamp of their predecessor.
+    pub duplicates: u64,
+    /// Messages with an earlier stamp than their predecessor.
+    pub backward_steps: u64,
+    /// Header stamp minus log time, s: mean, least, greatest; `None` when there are no header stamps.
+    pub header_minus_log_s: Option<Spread>,
+    /// Messages whose header stamp is zero: the driver never set it.
+    pub unstamped: u64,
+    /// Messages with NaN or infinity where a sensor's numbers are.
+    pub not_finite: u64,
+    /// Positions for which the receiver says that it has no fix.
+    pub no_fix: u64,
+    /// Positions whose latitude and longitude are exactly zero.
+    pub zero_position: u64,
+}
+
+/// Mean and range of a quantity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+}
+
+#[derive(Default)]
+struct Collected {
+    stamped: bool,
+    content: Content,
+    times: Vec<i64>,
+    offset_sum: f64,
+    offset_min: f64,
+    offset_max: f64,
+    offsets: u64,
+    statistics: TopicStatistics,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum Content {
+    Imu,
+    Fix,
+    Twist,
+    #[default]
+    Other,
+}
+
+impl Log {
+    /// Regularity of every topic, in the order of [`Log::topics`]: one pass over the whole log.
+    pub fn statistics(&self) -> Result<Vec<TopicStatistics>, LogError> {
+        let mut by_channel = Vec::new();
+        let mut topics: Vec<Collected> = Vec::new();
+        for (index, topic) in self.topics().iter().enumerate() {
+            for id in &topic.channels {
+                let id = usize::from(*id);
+                if by_channel.len() <= id {
+                    by_channel.resize(id + 1, 0);
+                }
+                by_channel[id] = index;
+            }
+            topics.push(Collected {
+                stamped: self.is_stamped(index),
+                content: match topic.schema.as_str() {
+                    _ if topic.encoding != "cdr" => Content::Other,
+                    "sensor_msgs/msg/Imu" => Content::Imu,
+                    "sensor_msgs/msg/NavSatFix" => Content::Fix,
+                    // Both begin alike: header, then the twist.
+                    "geometry_msgs/msg/TwistStamped"
+                    | "geometry_msgs/msg/TwistWithCovarianceStamped" => Content::Twist,
+                    _ => Content::Other,
+                },
+                statistics: TopicStatistics {
+                    topic: topic.name.clone(),
+                    schema: topic.schema.clone(),
+                    ..TopicStatistics::default()
+                },
+                ..Collected::default()
+            });
+        }
+        let all: Vec<usize> = (0..topics.len()).collect();
+        let mut messages = self.messages(&all);
+        while let Some(message) = messages.next() {
+            let message = message?;
+            let index = by_channel[usize::from(message.channel)];
+            topics[index]
+                .add(message.data, message.log_time)
+                .map_err(|source| self.undecodable(index, &message, source))?;
+        }
+        Ok(topics.into_iter().map(Collected::finish).collect())
+    }
+}
+
+impl Collected {
+    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), crate::cdr::CdrError> {
+        let mut time = log_time;
+        if self.stamped {
+            let stamp = Header::read(&mut CdrReader::new(data)?)?.stamp;
+            if stamp.0 == 0 {
+                self.statistics.unstamped += 1;
+            } else {
+                time = stamp;
+                let offset = stamp.since(log_time);
+                (self.offset_min, self.offset_max) = if self.offsets == 0 {
+                    (offset, offset)
+                } else {
+                    (self.offset_min.min(offset), self.offset_max.max(offset))
+                };
+                self.offset_sum += offset;
+                self.offsets += 1;
+            }
+        }
+        self.times.push(time.0);
+        let statistics = &mut self.statistics;
+        match self.content {
+            Content::Other => {}
+            Content::Imu => {
+                let imu = Imu::decode(data)?;
+                let sum = imu.angular_velocity.sum() + imu.linear_acceleration.sum();
+                statistics.not_finite += u64::from(!sum.is_finite());
+            }
+            Content::Twist => {
+                let linear = TwistStamped::decode(data)?.twist.linear;
+                statistics.not_finite += u64::from(!(linear.x + linear.y).is_finite());
+            }
+            Content::Fix => match gnss_position(&NavSatFix::decode(data)?, time, 0.0) {
+                Ok(_) => {}
+                Err(Unusable::NoFix) => statistics.no_fix += 1,
+                Err(Unusable::NotFinite) => statistics.not_finite += 1,
+                Err(Unusable::ZeroPosition) => statistics.zero_position += 1,
+            },
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> TopicStatistics {
+        let mut statistics = self.statistics;
+        let times = &self.times;
+        statistics.count = times.len() as u64;
+        statistics.first = times.iter().min().copied().map(Time);
+        statistics.last = times.iter().max().copied().map(Time);
+        if self.offsets > 0 {
+            let mean = self.offset_sum / self.offsets as f64;
+            statistics.header_minus_log_s = Some(Spread {
+                mean,
+                min: self.offset_min,
+                max: self.offset_max,
+            });
+        }
+        let steps = || {
+            times
+                .windows(2)
+                .map(|pair| (pair[1].saturating_sub(pair[0]), pair))
+        };
+        statistics.duplicates = steps().filter(|(step, _)| *step == 0).count() as u64;
+        statistics.backward_steps = steps().filter(|(step, _)| *step < 0).count() as u64;
+        let mut forward: Vec<i64> = steps()
+            .map(|(step, _)| step)
+            .filter(|step| *step > 0)
+            .collect();
+        forward.sort_unstable();
+        let Some(&median) = forward.get(forward.len() / 2) else {
+            return statistics;
+        };
+        let median_s = median as f64 * 1e-9;
+        let longest_regular = (median as f64 * GAP_FACTOR) as i64;
+        statistics.gaps = steps()
+            .filter(|(step, _)| *step > longest_regular)
+            .map(|(_, pair)| (Time(pair[0]), Time(pair[1])))
+            .collect();
+        let regular = &forward[..forward.partition_point(|step| *step <= longest_regular)];
+        let count = regular.len() as f64;
+        let mean = regular.iter().map(|step| *step as f64 * 1e-9).sum::<f64>() / count;
+        let variance = regular
+            .iter()
+            .map(|step| (*step as f64 * 1e-9 - mean).powi(2))
+            .sum::<f64>()
+            / count;
+        statistics.rate_hz = Some(1.0 / median_s);
+        statistics.interval_median_s = Some(median_s);
+        statistics.interval_max_s = forward.last().map(|step| *step as f64 * 1e-9);
+        statistics.jitter_s = Some(variance.sqrt());
+        statistics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_duplicates_and_backward_steps_are_told_apart() {
+        let ms = 1_000_000;
+        let mut times: Vec<i64> = (0..100).map(|i| i * 10 * ms).collect();
+        times.push(times[99]); // a duplicate
+        times.push(times[99] - 5 * ms); // a step back
+        times.push(times[99] + 10 * ms);
+        times.push(times[99] + 310 * ms); // a gap of 300 ms
+        let statistics = Collected {
+            times,
+            ..Collected::default()
+        }
+        .finish();
+        assert_eq!(
+            (
+                statistics.count,
+                statistics.duplicates,
+                statistics.backward_steps
+            ),
+            (104, 1, 1)
+        );
+        assert_eq!(statistics.gaps, [(Time(1000 * ms), Time(1300 * ms))]);
+        assert_eq!(statistics.rate_hz, Some(100.0));
+        assert!((statistics.interval_max_s.unwrap() - 0.3).abs() < 1e-12);
+        // 99 intervals of 10 ms and one of 15 ms.
+        let mean: f64 = (99.0 * 0.010 + 0.015) / 100.0;
+        let variance = (99.0 * (0.010 - mean).powi(2) + (0.015 - mean).powi(2)) / 100.0;
+        assert!((statistics.jitter_s.unwrap() - variance.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_topic_without_two_messages_has_no_rate() {
+        let statistics = Collected {
+            times: vec![5],
+            ..Collected::default()
+        }
+        .finish();
+        assert_eq!(
+            (statistics.count, statistics.rate_hz, statistics.first),
+            (1, None, Some(Time(5)))
+        );
+        assert_eq!(Collected::default().finish().first, None);
+    }
+}
