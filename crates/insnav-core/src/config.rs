@@ -69,6 +69,7 @@ impl Config {
             gnss.velocity_sigma_floor_m_per_s,
         )?;
         positive("gnss.sigma_scale", Some(gnss.sigma_scale))?;
+        not_negative("gnss.correlation_time_s", gnss.correlation_time_s)?;
         within("gnss.time_offset_s", gnss.time_offset_s)?;
         within("gnss.velocity_lag_s", gnss.velocity_lag_s)?;
         positive(
@@ -135,6 +136,10 @@ pub struct GnssConfig {
     pub velocity_sigma_floor_m_per_s: f64,
     /// Factor on stated position sigmas.
     pub sigma_scale: f64,
+    /// Correlation time of position errors, s: fixes that come faster than twice this are weighed down until their mean is
+    /// believed no more than errors of that correlation allow. No receiver's fixes are independent within a second (its own
+    /// filter sees to that); errors of multipath and atmosphere are correlated for far longer.
+    pub correlation_time_s: f64,
     /// Seconds added to IMU stamps to meet the clock of GNSS positions.
     pub time_offset_s: f64,
     /// How much later than its position's a receiver's velocity is stamped, s.
@@ -149,6 +154,7 @@ impl Default for GnssConfig {
             sigma_floor_m: 0.01,
             velocity_sigma_floor_m_per_s: 0.02,
             sigma_scale: 1.0,
+            correlation_time_s: 0.5,
             time_offset_s: 0.0,
             velocity_lag_s: 0.0,
         }
@@ -210,8 +216,6 @@ impl NoiseConfig {
             accel_bias_sigma: accel_bias.unwrap_or(class.accel_bias_sigma),
             gyro_bias_tau: self.gyro_bias_tau_s.unwrap_or(class.gyro_bias_tau),
             accel_bias_tau: self.accel_bias_tau_s.unwrap_or(class.accel_bias_tau),
-            gyro_turn_on_sigma: gyro_bias.unwrap_or(class.gyro_turn_on_sigma),
-            accel_turn_on_sigma: accel_bias.unwrap_or(class.accel_turn_on_sigma),
         }
     }
 }

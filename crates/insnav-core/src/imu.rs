@@ -1,5 +1,7 @@
 //! Errors of an inertial unit: what the filter estimates, and what the data sheet says.
 
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -19,35 +21,33 @@ pub struct ImuNoise {
     pub gyro_white: f64,
     /// Accelerometer white noise (velocity random walk), m/s/√s.
     pub accel_white: f64,
-    /// Steady-state standard deviation of the Gauss–Markov gyro bias, rad/s.
+    /// Steady-state standard deviation of the Gauss–Markov gyro bias, and that of the bias at power-on, rad/s.
     pub gyro_bias_sigma: f64,
-    /// Steady-state standard deviation of the Gauss–Markov accelerometer bias, m/s².
+    /// Likewise of the accelerometer bias, m/s².
     pub accel_bias_sigma: f64,
     /// Correlation time of the gyro bias, s.
     pub gyro_bias_tau: f64,
     /// Correlation time of the accelerometer bias, s.
     pub accel_bias_tau: f64,
-    /// Standard deviation of the gyro bias at power-on (before anything is known of it), rad/s.
-    pub gyro_turn_on_sigma: f64,
-    /// Standard deviation of the accelerometer bias at power-on, m/s².
-    pub accel_turn_on_sigma: f64,
 }
 
 /// Class of an inertial unit, where no data sheet is given.
 ///
-/// The numbers are round ones from the middle of the classes of [Groves13] table 4.1 and common data sheets.
+/// Round numbers from the middle of the classes of [Groves13] table 4.1. The bias is one stationary process for both the
+/// unknown constant at power-on and its wander: the sigma is that of power-on, the long correlation time gives a wander of
+/// `sigma √(2/τ)` per root second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ImuGrade {
-    /// Phone or hobby MEMS: 0.6 °/√h, 0.2 m/s/√h, biases 200 °/h and 10 mg.
+    /// Phone or hobby MEMS: 2 °/√h, 1.5 m/s/√h, biases 500 °/h and 20 mg.
     Consumer,
-    /// Car MEMS: 0.3 °/√h, 0.1 m/s/√h, biases 50 °/h and 3 mg.
+    /// Car MEMS: 0.5 °/√h, 0.5 m/s/√h, biases 200 °/h and 10 mg.
     Automotive,
-    /// Calibrated MEMS: 0.15 °/√h, 0.05 m/s/√h, biases 10 °/h and 1 mg.
+    /// Calibrated MEMS: 0.15 °/√h, 0.1 m/s/√h, biases 30 °/h and 3 mg.
     Industrial,
-    /// FOG or best MEMS: 0.05 °/√h, 0.03 m/s/√h, biases 1 °/h and 0.3 mg.
+    /// FOG or best MEMS: 0.05 °/√h, 0.03 m/s/√h, biases 3 °/h and 1 mg.
     Tactical,
-    /// Ring laser: 0.002 °/√h, 0.005 m/s/√h, biases 0.01 °/h and 0.03 mg.
+    /// Ring laser: 0.002 °/√h, 0.01 m/s/√h, biases 0.01 °/h and 0.05 mg.
     Navigation,
 }
 
@@ -79,18 +79,18 @@ impl ImuGrade {
     pub fn noise(self) -> ImuNoise {
         // °/√h, m/s/√h, °/h, mg, s
         let (arw, vrw, gyro_bias, accel_bias, tau) = match self {
-            ImuGrade::Consumer => (0.6, 0.2, 200.0, 10.0, 300.0),
-            ImuGrade::Automotive => (0.3, 0.1, 50.0, 3.0, 600.0),
-            ImuGrade::Industrial => (0.15, 0.05, 10.0, 1.0, 1000.0),
-            ImuGrade::Tactical => (0.05, 0.03, 1.0, 0.3, 3600.0),
-            ImuGrade::Navigation => (0.002, 0.005, 0.01, 0.03, 3600.0),
+            ImuGrade::Consumer => (2.0, 1.5, 500.0, 20.0, 20_000.0),
+            ImuGrade::Automotive => (0.5, 0.5, 200.0, 10.0, 20_000.0),
+            ImuGrade::Industrial => (0.15, 0.1, 30.0, 3.0, 20_000.0),
+            ImuGrade::Tactical => (0.05, 0.03, 3.0, 1.0, 20_000.0),
+            ImuGrade::Navigation => (0.002, 0.01, 0.01, 0.05, 20_000.0),
         };
         ImuNoise::from_data_sheet(arw, vrw, gyro_bias, accel_bias, tau, tau)
     }
 }
 
 impl ImuNoise {
-    /// From the units of data sheets: °/√h, m/s/√h, °/h, mg, s, s. Power-on sigmas are those of the biases.
+    /// From the units of data sheets: °/√h, m/s/√h, °/h, mg, s, s.
     pub fn from_data_sheet(
         gyro_arw_deg_per_sqrt_hour: f64,
         accel_vrw_m_per_s_per_sqrt_hour: f64,
@@ -108,8 +108,18 @@ impl ImuNoise {
             accel_bias_sigma: accel_bias,
             gyro_bias_tau: gyro_bias_tau_s,
             accel_bias_tau: accel_bias_tau_s,
-            gyro_turn_on_sigma: gyro_bias,
-            accel_turn_on_sigma: accel_bias,
+        }
+    }
+
+    /// The same unit on a vehicle that shakes it: measured white densities (rad/√s, m/s/√s) added in the square.
+    ///
+    /// Vibration above the sampling rate, scale factors and flexing reach the filter as noise that no data sheet states.
+    #[must_use]
+    pub fn shaken(self, gyro_white: f64, accel_white: f64) -> Self {
+        ImuNoise {
+            gyro_white: self.gyro_white.hypot(gyro_white),
+            accel_white: self.accel_white.hypot(accel_white),
+            ..self
         }
     }
 }

@@ -76,7 +76,6 @@ mod tests {
 
     #[test]
     fn displays_seconds_and_microseconds() {
-        extern crate std;
         assert_eq!(std::format!("{}", Time(1_312_400_000_000)), "1312.400000 s");
         assert_eq!(std::format!("{}", Time(-1_500_000_000)), "-1.500000 s");
     }

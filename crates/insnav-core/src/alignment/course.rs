@@ -7,6 +7,7 @@ use crate::measurement::{UNSTATED_POSITION_SIGMA, UNSTATED_VELOCITY_SIGMA};
 use crate::sample::{GnssPosition, GnssVelocity};
 use crate::time::Time;
 use std::f64::consts::PI;
+use std::vec::Vec;
 
 /// A course is good enough when its standard deviation is below this, rad (about 4°).
 const COURSE_SIGMA: f64 = 0.07;
@@ -18,6 +19,10 @@ const LARGEST_RATE: f64 = 0.1;
 const LARGEST_TURN: f64 = 0.5;
 /// How a unit is bolted in by eye: standard deviation of its axes against the vehicle's, rad (5°).
 const MOUNTING_SIGMA: f64 = 0.087;
+
+/// Nothing on wheels reverses faster than this, m/s; and reversing is believed only after so much motion, s.
+const LARGEST_REVERSE_SPEED: f64 = 6.0;
+const REVERSE_EVIDENCE: f64 = 2.0;
 
 /// A heading at the first sample, and where it came from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,42 +74,43 @@ pub(super) fn by_velocity(velocities: &[GnssVelocity], track: &Track) -> Option<
 /// Does the speed over ground grow while the accelerometer feels a push from the front?
 ///
 /// Regresses the change of speed between fixes on the gain of velocity along the nose (both less their means: a tilt adds a
-/// constant to the gain). The slope is +1 driving forward and −1 backward; without enough change of speed the answer is no.
+/// constant to the gain). The slope is +1 driving forward and −1 backward. Only clear evidence says "backward": the wrong
+/// answer costs half a turn, and most vehicles drive forward most of the time.
 fn drives_backwards(velocities: &[GnssVelocity], track: &Track) -> bool {
-    let moving = velocities
-        .iter()
-        .rposition(|v| v.velocity_n.xy().norm() < 0.1)
-        .unwrap_or(0);
-    let (mut count, mut sums, mut products) = (0.0, [0.0; 2], [0.0; 3]);
-    for pair in velocities[moving..].windows(2) {
-        let (Some(a), Some(b)) = (track.at(pair[0].time), track.at(pair[1].time)) else {
-            continue;
-        };
-        let dt = pair[1].time.since(pair[0].time);
-        if dt <= 0.0 || dt > 2.0 {
-            continue;
-        }
-        let x = (b.forward_gain - a.forward_gain) / dt;
-        let y = (pair[1].velocity_n.xy().norm() - pair[0].velocity_n.xy().norm()) / dt;
-        count += 1.0;
-        (sums[0], sums[1]) = (sums[0] + x, sums[1] + y);
-        (products[0], products[1], products[2]) = (
-            products[0] + x * x,
-            products[1] + x * y,
-            products[2] + y * y,
-        );
-    }
-    if count < 5.0 {
+    let speed = |v: &GnssVelocity| v.velocity_n.xy().norm();
+    let Some(newest) = velocities.last() else {
+        return false;
+    };
+    if speed(newest) > LARGEST_REVERSE_SPEED {
         return false;
     }
-    let variance = |p: f64, a: f64, b: f64| p / count - a * b / (count * count);
-    let (xx, xy, yy) = (
-        variance(products[0], sums[0], sums[0]),
-        variance(products[1], sums[0], sums[1]),
-        variance(products[2], sums[1], sums[1]),
-    );
-    // Correlation clearly negative, and the acceleration clearly above the noise of differenced velocities.
-    yy.sqrt() > 0.2 && xy < -0.5 * (xx * yy).sqrt()
+    let begin = velocities.iter().rposition(|v| speed(v) < 0.1).unwrap_or(0);
+    let mut rows = Vec::new();
+    for pair in velocities[begin..].windows(2) {
+        let dt = pair[1].time.since(pair[0].time);
+        if let (Some(a), Some(b)) = (track.at(pair[0].time), track.at(pair[1].time))
+            && dt > 0.0
+            && dt <= 2.0
+        {
+            rows.push((
+                (b.forward_gain - a.forward_gain) / dt,
+                (speed(&pair[1]) - speed(&pair[0])) / dt,
+            ));
+        }
+    }
+    let count = rows.len() as f64;
+    if rows.len() < 5 || newest.time.since(velocities[begin].time) < REVERSE_EVIDENCE {
+        return false;
+    }
+    let mean = rows
+        .iter()
+        .fold((0.0, 0.0), |m, r| (m.0 + r.0 / count, m.1 + r.1 / count));
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (x, y) in rows.iter().map(|r| (r.0 - mean.0, r.1 - mean.1)) {
+        (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
+    }
+    // Correlation of −1 within its sampling error of about 1/√n, slope of −1 within a factor of two.
+    xy < 0.0 && xy * xy > 0.5 * xx * yy && (0.5..2.0).contains(&(-xy / xx))
 }
 
 /// Whether the newest position is far enough from an earlier one for a course.

@@ -52,7 +52,7 @@ pub(super) fn level(
         let force = part.iter().map(|s| s.force_b).sum::<Vector3<f64>>() / count;
         let rate = part.iter().map(|s| s.rate_b).sum::<Vector3<f64>>() / count;
         let span = end.since(first.time);
-        let bias_tilt = noise.accel_turn_on_sigma / STANDARD_GRAVITY;
+        let bias_tilt = noise.accel_bias_sigma / STANDARD_GRAVITY;
         let noise_tilt = noise.accel_white / span.sqrt() / STANDARD_GRAVITY;
         return Some(Level {
             q_level: from_force(&force),
@@ -65,7 +65,7 @@ pub(super) fn level(
     Some(Level {
         q_level: from_force(&force),
         tilt_sigma: (UNKNOWN_ACCELERATION / STANDARD_GRAVITY)
-            .hypot(noise.accel_turn_on_sigma / STANDARD_GRAVITY),
+            .hypot(noise.accel_bias_sigma / STANDARD_GRAVITY),
         standing_rate: None,
         standing_s: 0.0,
     })
@@ -102,8 +102,7 @@ pub(super) fn level_with_velocity(
     let force = before * mean_force_b0(&inside, span)? - q_nb.inverse_transform_vector(&horizontal);
     // Velocity noise over the span; a few degrees of heading error turn as many per cent of the acceleration.
     let residual = 0.2 / span + 0.1 * horizontal.norm();
-    let tilt_sigma =
-        (residual / STANDARD_GRAVITY).hypot(noise.accel_turn_on_sigma / STANDARD_GRAVITY);
+    let tilt_sigma = (residual / STANDARD_GRAVITY).hypot(noise.accel_bias_sigma / STANDARD_GRAVITY);
     Some(Level {
         q_level: from_force(&force),
         tilt_sigma,

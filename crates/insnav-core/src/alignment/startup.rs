@@ -180,7 +180,7 @@ impl Startup {
         let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
         let course = self.heading(fixes, &track, begin);
         // What the gyros add while they carry the heading back.
-        let rate_sigma = bias.map_or(self.noise.gyro_turn_on_sigma, |(_, sigma)| {
+        let rate_sigma = bias.map_or(self.noise.gyro_bias_sigma, |(_, sigma)| {
             sigma + self.noise.gyro_bias_sigma * 0.1
         });
         let carried = rate_sigma * course.at.since(begin).abs();
@@ -202,7 +202,7 @@ impl Startup {
 
     /// A standing rate above this is no bias but a turn, rad/s.
     fn believable_rate(&self) -> f64 {
-        4.0 * self.noise.gyro_turn_on_sigma + crate::earth::EARTH_RATE
+        4.0 * self.noise.gyro_bias_sigma + crate::earth::EARTH_RATE
     }
 
     fn heading(&self, fixes: Option<usize>, track: &Track, begin: Time) -> Course {
@@ -247,7 +247,7 @@ impl Startup {
                     .hypot(0.1 * self.noise.gyro_bias_sigma)
                     .hypot(crate::earth::EARTH_RATE * heading_sigma.min(1.0)),
             ),
-            None => (Vector3::zeros(), self.noise.gyro_turn_on_sigma),
+            None => (Vector3::zeros(), self.noise.gyro_bias_sigma),
         };
         let (velocity_n, velocity_sigma) = self.velocity_at(begin, level.standing_s > 0.0);
         let since = begin.since(fix.time);
@@ -273,7 +273,7 @@ impl Startup {
                 velocity: Vector3::repeat(velocity_sigma),
                 attitude: Vector3::new(level.tilt_sigma, level.tilt_sigma, heading_sigma),
                 gyro_bias: Vector3::repeat(gyro_sigma),
-                accel_bias: Vector3::repeat(self.noise.accel_turn_on_sigma),
+                accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
             },
             standing_s: level.standing_s,
             heading_source: course.source,

@@ -9,6 +9,7 @@ use crate::filter::{
     ATTITUDE, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, POSITION, Update,
 };
 use crate::sample::GnssPosition;
+use crate::time::Time;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,8 @@ pub struct GnssPositionAid {
     lever_arm_b: Vector3<f64>,
     sigma_floor: f64,
     sigma_scale: f64,
+    correlation_time: f64,
+    last: Option<Time>,
     gate: Gate,
 }
 
@@ -57,19 +60,29 @@ impl GnssPositionAid {
             lever_arm_b: Vector3::from(config.lever_arm_b_m.unwrap_or_default()),
             sigma_floor: config.sigma_floor_m,
             sigma_scale: config.sigma_scale,
+            correlation_time: config.correlation_time_s,
+            last: None,
             gate: Gate::default(),
         }
     }
 
-    /// The model of one fix.
+    /// The model of one fix: its covariance believable, and weighed down if the fix before it came shortly ago.
+    ///
+    /// White errors that are to average out no faster than errors of correlation time τ need 2τ/Δt times the variance.
     pub fn model(&self, fix: &GnssPosition) -> GnssPositionModel {
         let stated = fix.covariance_n.unwrap_or(Matrix3::from_diagonal_element(
             UNSTATED_POSITION_SIGMA * UNSTATED_POSITION_SIGMA,
         ));
+        let interval = self.last.map_or(f64::INFINITY, |last| fix.time.since(last));
+        let dependence = if interval > 0.0 {
+            (2.0 * self.correlation_time / interval).max(1.0)
+        } else {
+            1.0
+        };
         GnssPositionModel {
             position: fix.position,
             lever_arm_b: self.lever_arm_b,
-            r: believable(&stated, self.sigma_scale, self.sigma_floor),
+            r: believable(&stated, self.sigma_scale, self.sigma_floor) * dependence,
         }
     }
 
@@ -78,6 +91,8 @@ impl GnssPositionAid {
     /// # Errors
     /// As [`Eskf::update`].
     pub fn observe(&mut self, fix: &GnssPosition, filter: &mut Eskf) -> Result<Update> {
-        filter.update(&self.model(fix), fix.time, &mut self.gate)
+        let update = filter.update(&self.model(fix), fix.time, &mut self.gate)?;
+        self.last = Some(fix.time);
+        Ok(update)
     }
 }

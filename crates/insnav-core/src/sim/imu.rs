@@ -38,7 +38,7 @@ pub struct ImuModel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuErrorModel {
-    /// White noise and drifting biases, SI; the first value of a bias has the power-on sigma. `None`: neither.
+    /// White noise and drifting biases, SI, stationary from the first sample on. `None`: neither.
     pub noise: Option<ImuNoise>,
     /// Constant gyro bias, degrees per hour, body axes.
     pub gyro_bias_deg_per_hour: [f64; 3],
@@ -131,11 +131,6 @@ impl ImuModel {
             sigma(n.accel_white, "imu.errors.noise.accel_white")?;
             sigma(n.gyro_bias_sigma, "imu.errors.noise.gyro_bias_sigma")?;
             sigma(n.accel_bias_sigma, "imu.errors.noise.accel_bias_sigma")?;
-            sigma(n.gyro_turn_on_sigma, "imu.errors.noise.gyro_turn_on_sigma")?;
-            sigma(
-                n.accel_turn_on_sigma,
-                "imu.errors.noise.accel_turn_on_sigma",
-            )?;
             require(
                 n.gyro_bias_tau > 0.0,
                 "imu.errors.noise.gyro_bias_tau",
@@ -255,10 +250,10 @@ impl Unit {
     fn new(model: &ImuModel, seed: u64) -> Self {
         let e = &model.errors;
         let gain = |ppm: [f64; 3]| Vector3::from(ppm).map(|v| 1.0 + v * 1e-6);
-        let process = |sigma: f64, initial: f64, tau: f64, stream| {
+        let process = |sigma: f64, tau: f64, stream| {
             GaussMarkov::new(
                 Vector3::repeat(sigma),
-                Vector3::repeat(initial),
+                Vector3::repeat(sigma),
                 tau,
                 Source::new(seed, stream),
             )
@@ -270,18 +265,8 @@ impl Unit {
             noise: e.noise.map(|n| Noise {
                 gyro_white: (n.gyro_white, Source::new(seed, Stream::GyroWhite)),
                 accel_white: (n.accel_white, Source::new(seed, Stream::AccelWhite)),
-                gyro_bias: process(
-                    n.gyro_bias_sigma,
-                    n.gyro_turn_on_sigma,
-                    n.gyro_bias_tau,
-                    Stream::GyroBias,
-                ),
-                accel_bias: process(
-                    n.accel_bias_sigma,
-                    n.accel_turn_on_sigma,
-                    n.accel_bias_tau,
-                    Stream::AccelBias,
-                ),
+                gyro_bias: process(n.gyro_bias_sigma, n.gyro_bias_tau, Stream::GyroBias),
+                accel_bias: process(n.accel_bias_sigma, n.accel_bias_tau, Stream::AccelBias),
             }),
             quantum: (e.gyro_quantum, e.accel_quantum),
             residue: (model.output == ImuOutput::Increments)
