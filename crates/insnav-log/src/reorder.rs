@@ -86,13 +86,14 @@ mod tests {
     #[test]
     fn a_delay_beyond_the_window_does_not_come_out_sorted() {
         let second = 1_000_000_000;
-        assert_eq!(
-            run(
-                1.0,
-                &[(0, 0), (2 * second, 2 * second), (second, 4 * second)]
-            ),
-            [0, 2 * second, second]
-        );
+        let arrivals = [
+            (0, 0),
+            (2 * second, 2 * second),
+            (3 * second, 3 * second),
+            (second, 4 * second),
+        ];
+        assert_eq!(run(1.0, &arrivals), [0, 2 * second, second, 3 * second]);
+        assert!(run(3.0, &arrivals).is_sorted());
     }
 
     #[test]
