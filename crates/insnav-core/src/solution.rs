@@ -6,6 +6,8 @@ use crate::filter::Update;
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
 use crate::time::Time;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -7,7 +7,7 @@ use crate::filter::{
 };
 use crate::sample::Heading;
 #[cfg(not(feature = "std"))]
-use nalgebra::{ComplexField, RealField};
+use nalgebra::ComplexField;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 

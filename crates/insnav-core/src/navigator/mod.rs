@@ -1,12 +1,14 @@
 //! The navigator: samples in, solution out. The one loop of the project.
 
+// Without `std` there is one stage only.
+#![cfg_attr(not(feature = "std"), allow(irrefutable_let_patterns))]
+
 mod horizon;
 
 pub use horizon::HORIZON_CAPACITY;
 
-use crate::alignment::Alignment;
 #[cfg(feature = "std")]
-use crate::alignment::Startup;
+use crate::alignment::{Alignment, Startup};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::filter::{Eskf, InitialSigma};

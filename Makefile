@@ -1,0 +1,125 @@
+# `make test` checks everything and installs what it needs (Rust, Python >= 3.10 and a C compiler must be there).
+# Data: recordings in $INSNAV_DATA or ../shared/data; without them the tests that need them say SKIPPED.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -e -o pipefail -c
+.NOTPARALLEL:
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+CARGO ?= cargo
+export PYTHON
+export INSNAV_DATA ?= $(abspath ../shared/data)
+
+# A fresh clone must build from the lock file as committed.
+ifeq ($(CI),true)
+LOCKED := --locked
+export CARGO_INCREMENTAL ?= 0
+export CARGO_TERM_COLOR ?= never
+endif
+
+EMBEDDED := thumbv7em-none-eabihf
+DRIVE := $(INSNAV_DATA)/mcap_real/rtkexp_drive_ros2_zstd.mcap
+OUT := target/check
+SKIPS := $(OUT)/skipped
+VENV_PYTHON := .venv/bin/python
+
+define step
+@printf '\n== %s\n' "$(1)"
+endef
+
+# $(call skip,what,why): said at once, and again at the end.
+skip = echo "SKIPPED: $(1): $(2)" | tee -a $(SKIPS)
+
+.PHONY: help
+help: ## List the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+.PHONY: test
+test: begin format clippy docs rust no-std python validators ## Check everything: format, lints, docs, Rust, no_std, wheel, Python, foreign readers
+	@printf '\n== Result\n'
+	@if [ -s $(SKIPS) ]; then cat $(SKIPS); echo "make test: all checks that ran passed, $$(wc -l <$(SKIPS) | tr -d ' ') skipped"; \
+	else echo "make test: all checks passed"; fi
+
+.PHONY: begin
+begin:
+	@mkdir -p $(OUT) && rm -f $(SKIPS)
+	@$(CARGO) fmt --version >/dev/null 2>&1 && $(CARGO) clippy --version >/dev/null 2>&1 || rustup component add rustfmt clippy
+
+.PHONY: format
+format: ## Rust code is formatted
+	$(call step,Format)
+	$(CARGO) fmt --all --check
+
+.PHONY: clippy
+clippy: ## No lint in any target, benches included
+	$(call step,Clippy)
+	$(CARGO) clippy $(LOCKED) --workspace --all-targets -- -D warnings
+
+.PHONY: docs
+docs: ## Documentation builds without warnings
+	$(call step,Documentation)
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --workspace --no-deps
+
+.PHONY: rust
+rust: ## Rust tests, examples in the documentation included
+	$(call step,Rust tests)
+	$(CARGO) test $(LOCKED)
+
+# The host check proves that nothing asks for `std` features; only the bare-metal one proves that nothing links `std`.
+.PHONY: no-std
+no-std: begin ## The core builds without std, for a microcontroller where its target can be had
+	$(call step,Core without std)
+	$(CARGO) build $(LOCKED) -p insnav-core --no-default-features --features libm
+	@if rustc --print target-libdir --target $(EMBEDDED) 2>/dev/null | xargs -I{} test -d {} \
+	    || timeout 120 rustup target add $(EMBEDDED); then \
+	    echo "$(CARGO) build -p insnav-core --target $(EMBEDDED)"; \
+	    $(CARGO) build $(LOCKED) -p insnav-core --no-default-features --features libm --target $(EMBEDDED); \
+	else $(call skip,core for $(EMBEDDED),the target is not installed and cannot be fetched); fi
+
+.PHONY: venv
+venv:
+	@.ci/venv .venv python/requirements-test.txt
+
+.PHONY: wheel
+wheel: venv ## Build and install the Python wheel into .venv (as fast to build as the Rust tests; PROFILE=release for speed)
+	$(call step,Wheel)
+	@rm -rf $(OUT)/wheel
+	cd python && ../.venv/bin/maturin build $(LOCKED) --profile $(or $(PROFILE),dev) -i ../$(VENV_PYTHON) -o ../$(OUT)/wheel
+	$(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --no-deps --force-reinstall $(OUT)/wheel/*.whl
+
+# The command beside the wheel: tests hold one against the other.
+.PHONY: command
+command:
+	$(CARGO) build $(LOCKED) -p insnav-cli
+
+.PHONY: python
+python: wheel command ## Python tests and types, on the wheel
+	$(call step,Python tests)
+	cd python && INSNAV_COMMAND=$(abspath target/debug/insnav) ../$(VENV_PYTHON) -m pytest
+	cd python && ../$(VENV_PYTHON) -m mypy
+	cd python && ../$(VENV_PYTHON) -m mypy.stubtest insnav._insnav
+
+.PHONY: validators
+validators: command ## A solution is read by other programs: mcap, rosbags, evo, rerun
+	$(call step,Foreign readers)
+	@mkdir -p $(OUT)
+	@if [ ! -f "$(DRIVE)" ]; then $(call skip,foreign readers,no recording at $(DRIVE)); exit 0; fi; \
+	status=0; .ci/venv .venv-validators tests/validators/requirements.txt || status=$$?; \
+	if [ $$status = 75 ] && [ "$(CI)" != true ]; then $(call skip,foreign readers,the package index cannot be reached); exit 0; fi; \
+	[ $$status = 0 ] || exit $$status; set -x; \
+	target/debug/insnav run "$(DRIVE)" -o $(OUT)/drive.insnav.mcap --force --format json >$(OUT)/drive.json; \
+	.venv-validators/bin/python tests/validators/check_solution.py $(OUT)/drive.insnav.mcap
+
+.PHONY: bench
+bench: ## Run the benches
+	$(CARGO) bench $(LOCKED)
+
+.PHONY: fmt
+fmt: ## Format the Rust code
+	$(CARGO) fmt --all
+
+.PHONY: clean
+clean: ## Remove what was built and the Python environments
+	$(CARGO) clean
+	rm -rf .venv .venv-validators

@@ -1,0 +1,214 @@
+//! The only place where numpy arrays and the core's vectors meet.
+
+use crate::failure::Failure;
+use insnav_core::time::Time;
+use nalgebra::Vector3;
+use numpy::{
+    PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// An argument on its way in: what it is called in messages, and the object.
+pub(crate) struct Argument<'py> {
+    pub(crate) name: String,
+    pub(crate) object: Bound<'py, PyAny>,
+}
+
+impl<'py> Argument<'py> {
+    /// `numpy.asarray(object, dtype, order="C")`.
+    fn asarray(&self, dtype: Option<&str>) -> Result<Bound<'py, PyAny>, Failure> {
+        let convert = || {
+            let py = self.object.py();
+            let options = PyDict::new(py);
+            options.set_item("dtype", dtype)?;
+            options.set_item("order", "C")?;
+            py.import("numpy")?
+                .call_method("asarray", (&self.object,), Some(&options))
+        };
+        convert().map_err(|e: PyErr| {
+            Failure::new(
+                "not_numbers",
+                format!("{}: cannot be read as numbers: {e}", self.name),
+                "give a numpy array, or lists that numpy.asarray takes",
+            )
+        })
+    }
+
+    fn wrong(&self, received: &[usize], expected: &str) -> Failure {
+        Failure::new(
+            "wrong_shape",
+            format!(
+                "{}: shape {}, expected {expected}",
+                self.name,
+                shape_text(received)
+            ),
+            "one row per stamp",
+        )
+    }
+
+    fn floats(&self) -> Result<PyReadonlyArrayDyn<'py, f64>, Failure> {
+        let array = self.asarray(Some("float64"))?;
+        let array = array
+            .cast::<PyArrayDyn<f64>>()
+            .map_err(|e| Failure::new("not_numbers", format!("{}: {e}", self.name), ""))?;
+        Ok(array.readonly())
+    }
+
+    /// Shape (n,): stamps, as seconds or as `datetime64`, in an order that does not go backward.
+    pub(crate) fn times(&self) -> Result<Vec<Time>, Failure> {
+        let array = self.asarray(None)?;
+        let is_date = array
+            .cast::<PyUntypedArray>()
+            .is_ok_and(|a| a.dtype().kind() == b'M');
+        let times = if is_date {
+            self.dates(&array)?
+        } else {
+            self.column(None)?
+                .iter()
+                .map(|&s| s.is_finite().then(|| Time::from_seconds(s)))
+                .collect()
+        };
+        let mut checked: Vec<Time> = Vec::with_capacity(times.len());
+        for (row, time) in times.into_iter().enumerate() {
+            let time = time.ok_or_else(|| {
+                Failure::new(
+                    "not_finite",
+                    format!("{}[{row}]: no finite time", self.name),
+                    "drop the rows without a stamp",
+                )
+            })?;
+            if let Some(&previous) = checked.last()
+                && time < previous
+            {
+                return Err(Failure::new(
+                    "backward_stamps",
+                    format!(
+                        "{}[{row}] = {time} is before {previous} in the row above",
+                        self.name
+                    ),
+                    "sort the rows by time",
+                ));
+            }
+            checked.push(time);
+        }
+        Ok(checked)
+    }
+
+    /// Nanoseconds, exactly; `None` for not-a-time.
+    fn dates(&self, array: &Bound<'py, PyAny>) -> Result<Vec<Option<Time>>, Failure> {
+        let nanos = || {
+            array
+                .call_method1("astype", ("datetime64[ns]",))?
+                .call_method1("astype", ("int64",))
+        };
+        let failed = |e: String| {
+            Failure::new(
+                "not_numbers",
+                format!("{}: cannot be read as times: {e}", self.name),
+                "give seconds, or datetime64[ns]",
+            )
+        };
+        let nanos = nanos().map_err(|e: PyErr| failed(e.to_string()))?;
+        let nanos = nanos
+            .cast::<PyArray1<i64>>()
+            .map_err(|_| self.wrong(&shape_of(array), "(n,)"))?
+            .readonly();
+        let nanos = nanos.as_slice().map_err(|e| failed(e.to_string()))?;
+        Ok(nanos
+            .iter()
+            .map(|&t| (t != i64::MIN).then_some(Time(t)))
+            .collect())
+    }
+
+    /// Shape (n,): numbers. `rows`: what n must be.
+    pub(crate) fn column(&self, rows: Option<usize>) -> Result<Vec<f64>, Failure> {
+        let array = self.floats()?;
+        match array.shape() {
+            [n] if rows.is_none_or(|rows| rows == *n) => Ok(elements(&array)),
+            other => Err(self.wrong(
+                other,
+                &rows.map_or("(n,)".to_owned(), |n| format!("({n},)")),
+            )),
+        }
+    }
+
+    /// Shape (n, 3): vectors, one per stamp.
+    pub(crate) fn vectors(&self, rows: usize) -> Result<Vec<Vector3<f64>>, Failure> {
+        let array = self.floats()?;
+        match array.shape() {
+            [n, 3] if *n == rows => Ok(rows_of_three(&array)),
+            other => Err(self.wrong(other, &format!("({rows}, 3)"))),
+        }
+    }
+
+    /// Shape (n, 3) or (3,): vectors, one per stamp or one for all.
+    pub(crate) fn vectors_or_one(&self, rows: usize) -> Result<Vec<Vector3<f64>>, Failure> {
+        let array = self.floats()?;
+        match array.shape() {
+            [3] if rows != 0 => Ok(vec![rows_of_three(&array)[0]; rows]),
+            [n, 3] if *n == rows => Ok(rows_of_three(&array)),
+            other => Err(self.wrong(other, &format!("({rows}, 3) or (3,)"))),
+        }
+    }
+}
+
+fn elements(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<f64> {
+    array.as_array().iter().copied().collect()
+}
+
+fn rows_of_three(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<Vector3<f64>> {
+    elements(array)
+        .chunks_exact(3)
+        .map(Vector3::from_column_slice)
+        .collect()
+}
+
+fn shape_of(array: &Bound<'_, PyAny>) -> Vec<usize> {
+    array
+        .cast::<PyUntypedArray>()
+        .map_or_else(|_| Vec::new(), |a| a.shape().to_vec())
+}
+
+/// As Python writes a tuple.
+fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        _ => {
+            let inner: Vec<String> = shape.iter().map(usize::to_string).collect();
+            format!("({})", inner.join(", "))
+        }
+    }
+}
+
+/// A new array of shape (n,).
+pub(crate) fn scalars<'py, T: numpy::Element>(
+    py: Python<'py>,
+    values: impl IntoIterator<Item = T>,
+) -> PyResult<Bound<'py, PyAny>> {
+    PyArray1::from_iter(py, values).into_bound_py_any(py)
+}
+
+/// A new array of shape (n, N).
+pub(crate) fn rows<'py, const N: usize>(
+    py: Python<'py>,
+    values: impl ExactSizeIterator<Item = [f64; N]>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let shape = [values.len(), N];
+    PyArray1::from_vec(py, values.flatten().collect())
+        .reshape(shape)?
+        .into_bound_py_any(py)
+}
+
+/// A new array of shape (n, 3, 3).
+pub(crate) fn matrices<'py>(
+    py: Python<'py>,
+    values: impl ExactSizeIterator<Item = [[f64; 3]; 3]>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let shape = [values.len(), 3, 3];
+    PyArray1::from_vec(py, values.flatten().flatten().collect())
+        .reshape(shape)?
+        .into_bound_py_any(py)
+}

@@ -1,0 +1,36 @@
+"""The form of arrays in place of a log."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from numpy.typing import ArrayLike
+
+
+class Arrays(TypedDict, total=False):
+    """What :func:`insnav.run` takes in place of a log: for each kind of data a tuple of columns.
+
+    Every column is an array or what ``numpy.asarray`` takes, with one row per stamp. ``time_s`` has shape (n,) and does
+    not go backward: seconds on one clock for all kinds, or ``datetime64``, which keeps stamps of today exact. ``n`` is
+    north-east-down, ``b`` is forward-right-down.
+
+    Attributes
+    ----------
+    imu : (time_s, angular_rate_b_rad_per_s, specific_force_b_m_per_s2)
+        Shapes (n,), (n, 3), (n, 3). Specific force is (0, 0, -g) at rest and level.
+    imu_increment : (time_s, angle_b_rad, velocity_b_m_per_s)
+        In place of ``imu``: what was gained since the row before. Shapes (n,), (n, 3), (n, 3).
+    gnss_position : (time_s, latitude_deg_longitude_deg_height_m[, sigma_n_m])
+        Antenna position, height above the ellipsoid. Shapes (n,), (n, 3); standard deviations (n, 3), or (3,) for all
+        rows, NaN where not known.
+    gnss_velocity : (time_s, velocity_n_m_per_s[, sigma_n_m_per_s])
+        Antenna velocity, down NaN for receivers that give speed and course only. Shapes as for positions.
+    heading : (time_s, heading_deg, sigma_deg)
+        From a dual antenna or another source, clockwise from true north. Shapes (n,).
+    """
+
+    imu: tuple[ArrayLike, ArrayLike, ArrayLike]
+    imu_increment: tuple[ArrayLike, ArrayLike, ArrayLike]
+    gnss_position: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
+    gnss_velocity: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
+    heading: tuple[ArrayLike, ArrayLike, ArrayLike]
