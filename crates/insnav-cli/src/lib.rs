@@ -1,1 +1,59 @@
-//! To come.
+//! The command line of insnav: arguments in, text or JSON out; everything else lives in [`insnav_log`] and [`insnav_core`].
+//!
+//! Results go to standard output, as text or as one JSON object; everything said about them goes to standard error. A failure
+//! is one object `{error: {code, message, remedy}}` in JSON mode. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but
+//! with warnings about the data under `--strict`.
+
+mod args;
+mod command;
+mod failure;
+mod output;
+mod text;
+
+use clap::Parser;
+use failure::Failure;
+use output::{Format, Output};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Run the command line and say with which code the process should end.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let parsed = match args::Cli::try_parse_from(&arguments) {
+        Ok(parsed) => parsed,
+        Err(error) if !error.use_stderr() => {
+            // --help and --version; a closed pipe is the reader's business.
+            let _ = error.print();
+            return ExitCode::SUCCESS;
+        }
+        Err(error) => {
+            let output = Output::new(if wants_json(&arguments) {
+                Format::Json
+            } else {
+                Format::Text
+            });
+            if output.format() == Format::Json {
+                output.failure(&Failure::from_clap(&error));
+            } else {
+                let _ = error.print();
+            }
+            return ExitCode::from(failure::USAGE);
+        }
+    };
+    let output = Output::new(parsed.format);
+    match parsed.verb.run(&output) {
+        Ok(code) => ExitCode::from(code),
+        Err(failure) => {
+            output.failure(&failure);
+            ExitCode::from(failure.exit)
+        }
+    }
+}
+
+/// Whether the arguments, which did not parse as a whole, ask for JSON.
+fn wants_json(arguments: &[OsString]) -> bool {
+    arguments
+        .windows(2)
+        .any(|w| w[0] == "--format" && w[1] == "json")
+        || arguments.iter().any(|a| a == "--format=json")
+}

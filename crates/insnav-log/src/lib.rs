@@ -5,9 +5,12 @@
 //!
 //! In the order data flows: [`topics`] decides which topic is the IMU, [`ros2`] decodes messages with [`cdr`], [`Samples`]
 //! turns them into SI and forward-right-down, [`McapSink`] writes the solution, [`SolutionTable`] reads it back.
+//! [`Plan`] is the main job from a log to a solution, whoever asks for it.
 //! [`csv`] and [`tum`] read and write text tables, [`convert`] goes between them and MCAP.
 
 pub mod cdr;
+mod compared;
+mod config_file;
 mod container;
 pub mod convert;
 pub mod csv;
@@ -19,6 +22,7 @@ mod mcap_writer;
 mod output_file;
 mod reorder;
 pub mod ros2;
+mod run;
 mod samples;
 mod sink;
 mod solution;
@@ -27,11 +31,17 @@ pub mod topics;
 mod transforms;
 pub mod tum;
 
+pub use compared::{ComparedReference, ComparedSolution};
+pub use config_file::{ConfigError, config_text, load_config, parse_config};
 pub use container::Message;
 pub use error::LogError;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
+pub use run::{
+    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, Plan, RunError, RunOptions,
+    RunReport, SolutionSink, Source, StopReport, Survey, Warning, Withhold,
+};
 pub use samples::{SampleCounts, Samples};
 pub use sink::{McapSink, SinkOptions, SinkSummary};
 pub use solution::{SolutionTable, UpdateRow};

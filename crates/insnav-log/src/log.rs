@@ -121,6 +121,11 @@ impl Log {
         self.source.bytes()
     }
 
+    /// CRC-32 of the whole file, to tell later which file a result came from.
+    pub fn crc32(&self) -> u32 {
+        crc32fast::hash(self.source.bytes())
+    }
+
     /// How it is being read.
     pub fn options(&self) -> &ReadOptions {
         &self.options

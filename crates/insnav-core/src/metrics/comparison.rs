@@ -3,11 +3,12 @@
 use super::course::{Course, heading_minus_course};
 use super::errors::{ErrorStatistics, PointError};
 use super::mounting::mean_rotation;
-use super::orientation::{OrientationErrors, orientation_errors, to_enu_flu};
-use super::reference::{AttitudeReference, ReferencePoint, STANDING_SPEED};
+use super::orientation::{OrientationErrors, OrientationPair, orientation_errors, to_enu_flu};
+use super::reference::{AttitudeReference, ReferencePoint};
 use super::standing::{DetectedStop, false_standing_s, stop_delays};
 use super::track::{SolutionPoint, Track};
 use crate::attitude::{Euler, wrap_angle};
+use crate::stationary::STANDING_SPEED;
 use crate::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -246,7 +247,11 @@ fn orientation(pairs: &[Pair<'_>]) -> Option<OrientationErrors> {
             let covariance =
                 p.at.attitude_covariance_n
                     .map(|c| enu_ned * c * enu_ned.transpose());
-            Some((to_enu_flu(&p.at.q_nb?), to_enu_flu(&truth), covariance))
+            Some(OrientationPair {
+                estimate: to_enu_flu(&p.at.q_nb?),
+                truth: to_enu_flu(&truth),
+                covariance,
+            })
         })
         .collect();
     (!scored.is_empty()).then(|| orientation_errors(&scored))

@@ -29,25 +29,31 @@ pub fn to_enu_flu(q_nb: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     enu_ned * q_nb * frd_flu
 }
 
-/// Errors of pairs (estimate, reference), both sensor to ENU, with the covariance of the estimate as a small rotation in
-/// those earth axes (rad²) where there is one.
-pub fn orientation_errors(
-    pairs: &[(
-        UnitQuaternion<f64>,
-        UnitQuaternion<f64>,
-        Option<Matrix3<f64>>,
-    )],
-) -> OrientationErrors {
-    let errors: Vec<UnitQuaternion<f64>> =
-        pairs.iter().map(|(e, r, _)| e * r.conjugate()).collect();
+/// An estimate and the truth at one instant, both sensor to ENU.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientationPair {
+    /// The estimate.
+    pub estimate: UnitQuaternion<f64>,
+    /// The truth.
+    pub truth: UnitQuaternion<f64>,
+    /// Covariance of the estimate as a small rotation in ENU, rad².
+    pub covariance: Option<Matrix3<f64>>,
+}
+
+/// Errors q_estimate ⊗ conj(q_truth) of all instants.
+pub fn orientation_errors(pairs: &[OrientationPair]) -> OrientationErrors {
+    let errors: Vec<UnitQuaternion<f64>> = pairs
+        .iter()
+        .map(|p| p.estimate * p.truth.conjugate())
+        .collect();
     let of =
         |angle: fn(&UnitQuaternion<f64>) -> f64| rms(errors.iter().map(angle)).map(f64::to_degrees);
     let inside: Vec<bool> = errors
         .iter()
         .zip(pairs)
-        .filter_map(|(e, (_, _, covariance))| {
+        .filter_map(|(e, pair)| {
             let phi = crate::attitude::log(e);
-            Some(phi.dot(&(*covariance)?.cholesky()?.solve(&phi)) <= CHI_SQUARE_3_95)
+            Some(phi.dot(&pair.covariance?.cholesky()?.solve(&phi)) <= CHI_SQUARE_3_95)
         })
         .collect();
     OrientationErrors {
@@ -73,7 +79,11 @@ mod tests {
         let (heading, inclination) = (0.2_f64, 0.1_f64);
         let error = exp(&Vector3::new(0.0, 0.0, heading))
             * exp(&Vector3::new(0.6 * inclination, 0.8 * inclination, 0.0));
-        let e = orientation_errors(&[(error * reference, reference, None)]);
+        let e = orientation_errors(&[OrientationPair {
+            estimate: error * reference,
+            truth: reference,
+            covariance: None,
+        }]);
         assert!((e.heading_rmse_deg.unwrap().to_radians() - heading).abs() < 1e-9);
         assert!((e.inclination_rmse_deg.unwrap().to_radians() - inclination).abs() < 1e-9);
         // cos(total/2) = cos(heading/2) cos(inclination/2), for the two axes are at right angles.
@@ -101,11 +111,11 @@ mod tests {
             .map(|_| {
                 let r = exp(&Vector3::new(normal(), normal(), normal()));
                 let e = exp(&sigma.component_mul(&Vector3::new(normal(), normal(), normal())));
-                (
-                    e * r,
-                    r,
-                    Some(Matrix3::from_diagonal(&sigma.component_mul(&sigma))),
-                )
+                OrientationPair {
+                    estimate: e * r,
+                    truth: r,
+                    covariance: Some(Matrix3::from_diagonal(&sigma.component_mul(&sigma))),
+                }
             })
             .collect();
         let got = orientation_errors(&pairs).coverage_95.unwrap();

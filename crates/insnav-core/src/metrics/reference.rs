@@ -1,6 +1,7 @@
 //! What a solution is compared with: any subset of position, velocity and attitude at an instant.
 
 use crate::earth::Geodetic;
+use crate::stationary::STANDING_SPEED;
 use crate::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -41,9 +42,6 @@ pub struct ReferencePoint {
     /// Whether the body moves, where the reference says so itself.
     pub moving: Option<bool>,
 }
-
-/// Below this horizontal speed (m/s) a reference is taken to stand.
-pub(super) const STANDING_SPEED: f64 = 0.1;
 
 impl ReferencePoint {
     /// Horizontal speed, m/s.

@@ -1,7 +1,8 @@
 //! Stops: intervals in which a body is said to stand, and how a solution's stops agree with a reference's.
 
-use super::reference::{ReferencePoint, STANDING_SPEED};
+use super::reference::ReferencePoint;
 use super::track::Track;
+use crate::stationary::STANDING_SPEED;
 use crate::time::Time;
 use serde::Serialize;
 

@@ -1,0 +1,392 @@
+//! `insnav compare`: a solution against a reference.
+
+use crate::failure::{FAILED, Failure};
+use crate::output::Output;
+use crate::text;
+use clap::Args;
+use insnav_core::metrics::{CompareOptions, Comparison, compare};
+use insnav_log::{ComparedReference, ComparedSolution};
+use serde::Serialize;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Judge a solution by a reference: errors by component, at stops, where fixes were withheld, and against the stated sigmas
+///
+/// Both may be an MCAP of `run`, a common CSV (gzip or not; any subset of t_s, lat_deg, lon_deg, h_m, vn, ve, vd, roll_deg,
+/// pitch_deg, yaw_deg or heading_deg, qw, qx, qy, qz, and sigmas) or a TUM trajectory; or both are folders, whose files are
+/// paired by name. The solution is interpolated to the reference, never extrapolated; for a reference of GNSS fixes it is
+/// moved to the antenna. NEES is the mean of e'P⁻¹e per degree of freedom: 1 when the stated uncertainty is right.
+#[derive(Args, Debug)]
+pub(crate) struct Compare {
+    /// The solution
+    solution: PathBuf,
+
+    /// The reference
+    reference: PathBuf,
+
+    /// Leave out what is before, seconds from the time origin
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    from: Option<f64>,
+
+    /// Leave out what is after
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    to: Option<f64>,
+
+    /// Take the constant rotation between the axes of both out of the attitude errors
+    #[arg(long)]
+    remove_mounting: bool,
+
+    /// Compare the heading with the reference's course as well: medians of 20 s on straight stretches above 5 m/s
+    #[arg(long)]
+    course: bool,
+
+    /// End with code 1 if a number is larger, such as horizontal_rms_m=0.05 or withheld.height_rms_m=0.1 (repeatable)
+    #[arg(long, value_name = "KEY=VALUE", value_parser = limit)]
+    max: Vec<Limit>,
+}
+
+/// One `--max`.
+#[derive(Clone, Debug, PartialEq)]
+struct Limit {
+    key: String,
+    value: f64,
+}
+
+fn limit(text: &str) -> Result<Limit, String> {
+    let (key, value) = text
+        .split_once('=')
+        .ok_or("expected KEY=VALUE, such as horizontal_rms_m=0.05")?;
+    match value.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(Limit {
+            key: key.to_owned(),
+            value,
+        }),
+        _ => Err(format!("{value:?} is no number")),
+    }
+}
+
+/// What became of one `--max`.
+#[derive(Debug, PartialEq, Serialize)]
+struct Checked {
+    key: String,
+    limit: f64,
+    value: Option<f64>,
+    passed: bool,
+}
+
+/// One comparison with its files.
+#[derive(Debug, Serialize)]
+struct Row {
+    name: String,
+    solution: PathBuf,
+    reference: PathBuf,
+    reference_at_antenna: bool,
+    #[serde(flatten)]
+    comparison: Comparison,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    max: Vec<Checked>,
+}
+
+impl Compare {
+    pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        let rows = if self.solution.is_dir() && self.reference.is_dir() {
+            let pairs = pairs(&self.solution, &self.reference)?;
+            pairs
+                .into_iter()
+                .map(|(name, s, r)| self.one(name, s, r))
+                .collect::<Result<Vec<_>, _>>()?
+        } else {
+            let name = name_of(&self.solution);
+            vec![self.one(name, self.solution.clone(), self.reference.clone())?]
+        };
+        let failed: Vec<String> = rows
+            .iter()
+            .flat_map(|row| {
+                row.max
+                    .iter()
+                    .filter(|c| !c.passed)
+                    .map(|c| failure_line(row, c))
+            })
+            .collect();
+        if self.solution.is_dir() {
+            output.result(&serde_json::json!({ "rows": rows }), || {
+                text::table(
+                    &rows
+                        .iter()
+                        .map(|r| (r.name.clone(), r.comparison.clone()))
+                        .collect::<Vec<_>>(),
+                )
+            });
+        } else if let [row] = rows.as_slice() {
+            output.result(row, || {
+                text::comparison(
+                    &row.solution.display().to_string(),
+                    &row.reference.display().to_string(),
+                    &row.comparison,
+                )
+            });
+        }
+        for line in &failed {
+            output.note("failed", line);
+        }
+        Ok(if failed.is_empty() { 0 } else { FAILED })
+    }
+
+    fn one(
+        &self,
+        name: String,
+        solution_path: PathBuf,
+        reference_path: PathBuf,
+    ) -> Result<Row, Failure> {
+        let solution = ComparedSolution::read(&solution_path, None)?;
+        let reference = ComparedReference::read(&reference_path, &solution)?;
+        let options = CompareOptions {
+            origin: solution.origin,
+            from: self.from.map(|s| solution.origin.plus(s)),
+            to: self.to.map(|s| solution.origin.plus(s)),
+            lever_arm_b: solution.lever_arm_b,
+            reference_at_antenna: reference.at_antenna,
+            velocity_lag: if reference.at_antenna {
+                solution.velocity_lag
+            } else {
+                0.0
+            },
+            remove_mounting: self.remove_mounting,
+            course: self.course,
+            withheld: solution.withheld,
+        };
+        let comparison = compare(&solution.track, &reference.points, &options);
+        if comparison.all.count == 0 {
+            return Err(Failure::new(
+                "no_overlap",
+                format!(
+                    "{} and {} have no instant in common: {}, {}",
+                    solution_path.display(),
+                    reference_path.display(),
+                    extent(
+                        "solution",
+                        solution
+                            .track
+                            .points()
+                            .iter()
+                            .map(|p| p.time.since(options.origin))
+                    ),
+                    extent(
+                        "reference",
+                        reference
+                            .points
+                            .iter()
+                            .map(|p| p.time.since(options.origin))
+                    ),
+                ),
+                "check that both count seconds from the same origin (`convert --t0`), and --from and --to",
+            ));
+        }
+        let mut row = Row {
+            name,
+            solution: solution_path,
+            reference: reference_path,
+            reference_at_antenna: reference.at_antenna,
+            comparison,
+            max: Vec::new(),
+        };
+        let json =
+            serde_json::to_value(&row.comparison).expect("numbers and lists with string keys");
+        row.max = self
+            .max
+            .iter()
+            .map(|l| check(&json, l))
+            .collect::<Result<_, _>>()?;
+        Ok(row)
+    }
+}
+
+fn extent(what: &str, seconds: impl Iterator<Item = f64>) -> String {
+    let (low, high) = seconds.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| {
+        (l.min(t), h.max(t))
+    });
+    if low > high {
+        format!("the {what} is empty")
+    } else {
+        format!("{what} from {low:.1} to {high:.1} s")
+    }
+}
+
+fn failure_line(row: &Row, c: &Checked) -> String {
+    match c.value {
+        Some(value) => format!("{}: {} is {value:.6}, above {}", row.name, c.key, c.limit),
+        None => format!(
+            "{}: {} could not be computed: solution or reference lacks the quantity",
+            row.name, c.key
+        ),
+    }
+}
+
+/// A key is a path in the JSON; without a class it is one of `all`.
+fn check(json: &Value, limit: &Limit) -> Result<Checked, Failure> {
+    let pointer = |key: &str| format!("/{}", key.replace('.', "/"));
+    let found = json
+        .pointer(&pointer(&limit.key))
+        .or_else(|| json.pointer(&pointer(&format!("all.{}", limit.key))));
+    match found {
+        Some(v) if v.is_number() || v.is_null() => {
+            let value = v.as_f64();
+            // What cannot be computed is not known to be small enough.
+            let passed = value.is_some_and(|v| v <= limit.value);
+            Ok(Checked {
+                key: limit.key.clone(),
+                limit: limit.value,
+                value,
+                passed,
+            })
+        }
+        _ => {
+            let mut known = Vec::new();
+            numbers(json, "", &mut known);
+            Err(Failure::usage(
+                format!("--max {}: there is no such number", limit.key),
+                format!("known: {}", known.join(", ")),
+            ))
+        }
+    }
+}
+
+fn numbers(json: &Value, at: &str, known: &mut Vec<String>) {
+    match json {
+        Value::Object(map) => {
+            for (key, value) in map {
+                // The four classes have the same keys: one of them is enough.
+                if at.is_empty() && matches!(key.as_str(), "standing" | "moving" | "withheld") {
+                    known.push(format!("{key}.…"));
+                    continue;
+                }
+                let inner = if at.is_empty() {
+                    key.clone()
+                } else {
+                    format!("{at}.{key}")
+                };
+                numbers(value, &inner, known);
+            }
+        }
+        Value::Number(_) | Value::Null => {
+            known.push(at.strip_prefix("all.").unwrap_or(at).to_owned())
+        }
+        _ => {}
+    }
+}
+
+/// Name of a recording: the file's up to the first dot.
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.split('.').next().unwrap_or_default().to_owned()
+}
+
+/// Solutions of one folder with their references in the other: `drive.insnav.mcap` goes with `drive.csv`, `drive.csv.gz`,
+/// `drive.tum` or, in a folder `drive`, `truth`, `truth_quat` or else `gnss`.
+fn pairs(solutions: &Path, references: &Path) -> Result<Vec<(String, PathBuf, PathBuf)>, Failure> {
+    let list = |folder: &Path| -> Result<Vec<PathBuf>, Failure> {
+        let entries = std::fs::read_dir(folder).map_err(|e| {
+            Failure::new(
+                "not_readable",
+                format!("{}: {e}", folder.display()),
+                "check the path",
+            )
+        })?;
+        let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+        paths.sort();
+        Ok(paths)
+    };
+    let candidates = list(references)?;
+    let mut found = Vec::new();
+    for solution in list(solutions)?.into_iter().filter(|p| p.is_file()) {
+        let name = name_of(&solution);
+        let inside = |folder: &Path| {
+            [
+                "truth.csv.gz",
+                "truth.csv",
+                "truth_quat.csv.gz",
+                "truth_quat.csv",
+                "gnss.csv.gz",
+                "gnss.csv",
+            ]
+            .iter()
+            .map(|f| folder.join(f))
+            .find(|p| p.is_file())
+        };
+        let reference = candidates
+            .iter()
+            .filter(|c| name_of(c) == name && **c != solution)
+            .find_map(|c| {
+                if c.is_dir() {
+                    inside(c)
+                } else {
+                    Some(c.clone())
+                }
+            });
+        if let Some(reference) = reference {
+            found.push((name, solution, reference));
+        }
+    }
+    if found.is_empty() {
+        return Err(Failure::new(
+            "no_pairs",
+            format!(
+                "no file of {} has a reference of its name in {}",
+                solutions.display(),
+                references.display()
+            ),
+            "name them alike up to the first dot: drive.insnav.mcap and drive.csv.gz, or drive/truth.csv.gz",
+        ));
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits() {
+        assert_eq!(
+            limit("nees.position=1.5"),
+            Ok(Limit {
+                key: "nees.position".into(),
+                value: 1.5
+            })
+        );
+        assert!(limit("x").is_err() && limit("x=y").is_err() && limit("x=nan").is_err());
+    }
+
+    #[test]
+    fn a_limit_is_looked_up_in_its_class_or_in_all() {
+        let json = serde_json::to_value(Comparison::default()).unwrap();
+        let mut json = json;
+        json["all"]["horizontal_rms_m"] = 0.04.into();
+        json["withheld"]["horizontal_rms_m"] = 0.06.into();
+        let passed = |key: &str| {
+            check(
+                &json,
+                &Limit {
+                    key: key.into(),
+                    value: 0.05,
+                },
+            )
+            .map(|c| c.passed)
+            .map_err(|f| f.exit)
+        };
+        assert_eq!(passed("horizontal_rms_m"), Ok(true));
+        assert_eq!(passed("withheld.horizontal_rms_m"), Ok(false));
+        assert_eq!(
+            passed("height_rms_m"),
+            Ok(false),
+            "what is not known is not small"
+        );
+        assert_eq!(passed("horizontal_rms"), Err(crate::failure::USAGE));
+    }
+
+    #[test]
+    fn names_end_at_the_first_dot() {
+        assert_eq!(name_of(Path::new("/x/drive.insnav.mcap")), "drive");
+        assert_eq!(name_of(Path::new("/x/drive")), "drive");
+    }
+}

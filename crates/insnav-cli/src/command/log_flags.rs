@@ -1,0 +1,125 @@
+//! Flags that say how to read a log: the same for every verb that reads one.
+
+use clap::{Args, ValueEnum};
+use insnav_core::config::Config;
+use insnav_log::{ImuAxes, ReadOptions, Role, TimeSource};
+
+/// Axes of IMU messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Axes {
+    /// Forward, left, up (REP-103)
+    Flu,
+    /// Forward, right, down
+    Frd,
+}
+
+/// Which stamp counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Clock {
+    /// The stamp in the message
+    Header,
+    /// When the message was recorded
+    Log,
+    /// When the message was published
+    Publish,
+}
+
+#[derive(Args, Clone, Debug)]
+pub(super) struct LogFlags {
+    /// Topic of a role: imu, gnss, gnss-velocity (repeatable; a role is found by itself when only one topic can serve)
+    #[arg(long, value_name = "ROLE=/TOPIC", value_parser = topic)]
+    topic: Vec<(Role, String)>,
+
+    /// Axes of the IMU messages
+    #[arg(long, value_enum, default_value = "flu", value_name = "AXES")]
+    imu_axes: Axes,
+
+    /// Mounting of the IMU in the vehicle, degrees, such as roll=90,yaw=-90 (the angles of a URDF, in the axes of --imu-axes)
+    #[arg(long, value_name = "ANGLES", value_parser = mounting, allow_hyphen_values = true)]
+    imu_mounting_deg: Option<Angles>,
+
+    /// Which stamp of a message counts
+    #[arg(long, value_enum, default_value = "header", value_name = "CLOCK")]
+    time: Clock,
+}
+
+/// Roll, pitch and yaw, degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Angles([f64; 3]);
+
+impl LogFlags {
+    /// How to read, given the settings: a mounting in a flag goes before one in the settings.
+    pub(super) fn options(&self, config: &Config) -> ReadOptions {
+        let imu_axes = match self.imu_axes {
+            Axes::Flu => ImuAxes::Flu,
+            Axes::Frd => ImuAxes::Frd,
+        };
+        let [roll, pitch, yaw] = config.imu.mounting_rpy_deg;
+        // The settings are forward-right-down; in forward-left-up the same rotation has pitch and yaw reversed.
+        let set = match imu_axes {
+            ImuAxes::Frd => [roll, pitch, yaw],
+            ImuAxes::Flu => [roll, -pitch, -yaw],
+        };
+        let set = (config.imu.mounting_rpy_deg != [0.0; 3]).then_some(set);
+        ReadOptions {
+            topics: self.topic.clone(),
+            imu_axes,
+            imu_mounting_rpy_deg: self.imu_mounting_deg.map(|a| a.0).or(set),
+            time_source: match self.time {
+                Clock::Header => TimeSource::Header,
+                Clock::Log => TimeSource::Log,
+                Clock::Publish => TimeSource::Publish,
+            },
+            ..ReadOptions::default()
+        }
+    }
+}
+
+fn topic(text: &str) -> Result<(Role, String), String> {
+    let keys = || Role::ALL.map(Role::key).join(", ");
+    let (key, name) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected ROLE=/topic, with ROLE one of {}", keys()))?;
+    let role =
+        Role::from_key(key).ok_or_else(|| format!("{key:?} is no role; roles are {}", keys()))?;
+    Ok((role, name.to_owned()))
+}
+
+fn mounting(text: &str) -> Result<Angles, String> {
+    let mut angles = [0.0; 3];
+    for part in text.split(',') {
+        let wrong = || format!("{part:?} is not roll=…, pitch=… or yaw=… in degrees");
+        let (name, value) = part.split_once('=').ok_or_else(wrong)?;
+        let at = ["roll", "pitch", "yaw"]
+            .iter()
+            .position(|n| *n == name.trim())
+            .ok_or_else(wrong)?;
+        angles[at] = value
+            .trim()
+            .parse()
+            .ok()
+            .filter(|a: &f64| a.is_finite())
+            .ok_or_else(wrong)?;
+    }
+    Ok(Angles(angles))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mountings() {
+        assert_eq!(mounting("roll=90,yaw=-90"), Ok(Angles([90.0, 0.0, -90.0])));
+        for wrong in ["", "roll", "heading=3", "roll=x", "roll=inf"] {
+            assert!(mounting(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn topics() {
+        assert_eq!(topic("imu=/imu/data"), Ok((Role::Imu, "/imu/data".into())));
+        assert!(topic("imux=/imu").unwrap_err().contains("gnss-velocity"));
+        assert!(topic("/imu").is_err());
+    }
+}

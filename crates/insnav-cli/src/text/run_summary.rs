@@ -1,0 +1,198 @@
+//! What a run did, on one screen.
+
+use super::{entry, maybe, plural, short, span, way};
+use crate::command::Outcome;
+use insnav_core::alignment::HeadingSource;
+use insnav_log::{AlignmentReport, Estimate, RunReport};
+
+/// The summary of a run.
+pub(crate) fn run_summary(outcome: &Outcome) -> String {
+    let r = &outcome.report;
+    let mut text = format!(
+        "{} → {}\n",
+        outcome.input.display(),
+        outcome.output.display()
+    );
+    let mut add = |label, line: String| text.push_str(&entry(label, &line));
+    add("drive", drive(r));
+    add("imu", imu(r));
+    add("clocks", clocks(r));
+    if let Some(a) = &r.alignment {
+        add("start", alignment(a));
+    }
+    for (i, s) in r.stops.iter().enumerate() {
+        let heading = match (s.heading_before_deg, s.heading_after_deg) {
+            (Some(a), Some(b)) => format!(
+                ", heading {a:.2}° → {b:.2}° ± {}°",
+                maybe(s.sigma_heading_deg)
+            ),
+            _ => String::new(),
+        };
+        let line = format!(
+            "{:.1}–{:.1} s ({:.0} s){heading}",
+            s.begin_s,
+            s.end_s,
+            s.end_s - s.begin_s
+        );
+        add(if i == 0 { "stops" } else { "" }, line);
+    }
+    let width = r.aiding.iter().map(|a| a.name.len()).max().unwrap_or(0);
+    for (i, a) in r.aiding.iter().enumerate() {
+        let line = format!(
+            "{:<width$}  {:>6} used, {} inflated, {} rejected; NIS/dof {}{}",
+            a.name,
+            a.used,
+            a.inflated,
+            a.rejected,
+            maybe(a.nis_mean),
+            if i == 0 {
+                " (1 when the stated noise is right)"
+            } else {
+                ""
+            }
+        );
+        add(if i == 0 { "aiding" } else { "" }, line);
+    }
+    if r.withheld > 0 {
+        add(
+            "withheld",
+            format!(
+                "{} kept from the filter, in the output for `insnav compare`",
+                plural(r.withheld, "position")
+            ),
+        );
+    }
+    if let Some(l) = &r.last {
+        add(
+            "at the end",
+            format!(
+                "{:.7}°, {:.7}°, {:.2} m; roll {:.2}°, pitch {:.2}°, heading {:.2}°\n\
+                 sigmas: position {} m horizontal, {} m vertical; velocity {} m/s; level {}°, heading {}°\n\
+                 gyro bias {} °/h, accelerometer bias {} mg",
+                l.latitude_deg,
+                l.longitude_deg,
+                l.height_m,
+                l.roll_deg,
+                l.pitch_deg,
+                l.heading_deg,
+                short(l.sigma_horizontal_m),
+                short(l.sigma_height_m),
+                short(l.sigma_velocity_m_per_s),
+                short(l.sigma_level_deg),
+                short(l.sigma_heading_deg),
+                with_sigmas(&l.gyro_bias_deg_per_hour, &l.sigma_gyro_bias_deg_per_hour),
+                with_sigmas(&l.accel_bias_mg, &l.sigma_accel_bias_mg),
+            ),
+        );
+    }
+    add(
+        "warnings",
+        if r.warnings.is_empty() {
+            "none".into()
+        } else {
+            format!("{}, on standard error", r.warnings.len())
+        },
+    );
+    text
+}
+
+fn drive(r: &RunReport) -> String {
+    let standing: f64 = r.stops.iter().map(|s| s.end_s - s.begin_s).sum();
+    let stops = if r.stops.is_empty() {
+        "no stop".to_owned()
+    } else {
+        format!(
+            "{} ({standing:.0} s together)",
+            plural(r.stops.len(), "stop")
+        )
+    };
+    let speed = r.duration_s / r.elapsed_s.max(1e-9);
+    format!(
+        "{}, {}, {stops}; {} IMU samples in {:.2} s ({speed:.0} × real time)",
+        span(r.duration_s),
+        way(r.distance_m),
+        r.imu_samples,
+        r.elapsed_s
+    )
+}
+
+fn imu(r: &RunReport) -> String {
+    let grade = r.imu_grade.name();
+    let [x, y, z] = r.lever_arm_b_m;
+    let arm = format!(
+        "antenna at ({}, {}, {}) m forward, right, down of the IMU",
+        short(x),
+        short(y),
+        short(z)
+    );
+    if r.imu_grade_picked {
+        format!(
+            "{grade} grade, assumed; to state it: [imu] grade = \"{grade}\"\n{arm}"
+        )
+    } else {
+        format!("{grade} grade; {arm}")
+    }
+}
+
+fn clocks(r: &RunReport) -> String {
+    let part = |what: &str, used: &Estimate, found: &Option<Estimate>| {
+        let sigma = |e: &Estimate| {
+            e.sigma
+                .map_or(String::new(), |s| format!(" ± {}", short(s)))
+        };
+        let found = found.map_or(String::new(), |f| {
+            format!(" (the data say {}{}; not used)", short(f.value), sigma(&f))
+        });
+        format!("{what} {}{} s{found}", short(used.value), sigma(used))
+    };
+    format!(
+        "{}; {}",
+        part(
+            "added to IMU stamps",
+            &r.time_offset_s,
+            &r.time_offset_found_s
+        ),
+        part(
+            "GNSS velocity behind its position",
+            &r.gnss_velocity_lag_s,
+            &r.gnss_velocity_lag_found_s
+        )
+    )
+}
+
+fn alignment(a: &AlignmentReport) -> String {
+    let level = if a.standing_s > 0.0 {
+        format!("{:.1} s of standing", a.standing_s)
+    } else {
+        "motion".into()
+    };
+    let source = match a.heading_source {
+        HeadingSource::CourseVelocity => format!(
+            "from the course of GNSS velocity at {:.1} s",
+            a.heading_at_s
+        ),
+        HeadingSource::CoursePosition => format!(
+            "from the course of GNSS positions at {:.1} s",
+            a.heading_at_s
+        ),
+        HeadingSource::Given => "as given".into(),
+        HeadingSource::Unknown => "not known".into(),
+    };
+    format!(
+        "roll {:.2}°, pitch {:.2}° ± {}° from {level}; heading {:.1}° ± {}° {source}",
+        a.roll_deg,
+        a.pitch_deg,
+        short(a.sigma_level_deg),
+        a.heading_deg,
+        short(a.sigma_heading_deg)
+    )
+}
+
+fn with_sigmas(values: &[f64; 3], sigmas: &[f64; 3]) -> String {
+    let parts: Vec<String> = values
+        .iter()
+        .zip(sigmas)
+        .map(|(v, s)| format!("{} ± {}", short(*v), short(*s)))
+        .collect();
+    format!("({})", parts.join(", "))
+}

@@ -1,0 +1,461 @@
+//! Settings from TOML: one schema for the command line and Python, unknown keys refused by name.
+
+use insnav_core::config::Config;
+use serde::de::{self, Deserialize, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Why settings could not be taken.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The path as given.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The text is no TOML.
+    #[error("{origin}: not TOML: {message}")]
+    Syntax {
+        /// File or flag.
+        origin: String,
+        /// What the parser said, with the line.
+        message: String,
+    },
+    /// A key that does not exist.
+    #[error("{origin}: unknown key `{key}`")]
+    UnknownKey {
+        /// File or flag.
+        origin: String,
+        /// The whole key, such as `gnss.lever_arm`.
+        key: String,
+        /// The known key nearest to it in spelling.
+        nearest: Option<String>,
+        /// All keys of that section.
+        known: Vec<String>,
+    },
+    /// A value of the wrong kind.
+    #[error("{origin}: `{key}`: {message}")]
+    Value {
+        /// File or flag.
+        origin: String,
+        /// The whole key.
+        key: String,
+        /// What is expected.
+        message: String,
+    },
+    /// A `--set` without `=`.
+    #[error("`--set {text}`: no `=` in it")]
+    NotAnAssignment {
+        /// What was given.
+        text: String,
+    },
+}
+
+impl ConfigError {
+    /// A short name for programs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            ConfigError::Read { .. } => "config_not_readable",
+            ConfigError::Syntax { .. } => "config_syntax",
+            ConfigError::UnknownKey { .. } => "unknown_config_key",
+            ConfigError::Value { .. } => "bad_config_value",
+            ConfigError::NotAnAssignment { .. } => "bad_option",
+        }
+    }
+
+    /// What the user can do about it.
+    pub fn remedy(&self) -> String {
+        match self {
+            ConfigError::Read { .. } => "check the path and its permissions".into(),
+            ConfigError::Syntax { .. } => {
+                "the file is TOML: sections in [brackets], lines like key = 1.5".into()
+            }
+            ConfigError::UnknownKey {
+                nearest: Some(nearest),
+                ..
+            } => format!("did you mean `{nearest}`?"),
+            ConfigError::UnknownKey { known, .. } => format!("known here: {}", known.join(", ")),
+            ConfigError::Value { .. } => "give a value of that kind; the unit is in the key".into(),
+            ConfigError::NotAnAssignment { .. } => {
+                "write it as section.key=value, such as gnss.sigma_scale=2".into()
+            }
+        }
+    }
+}
+
+/// Settings from a file (if any) and assignments `section.key=value` over it.
+pub fn load_config(file: Option<&Path>, assignments: &[String]) -> Result<Config, ConfigError> {
+    let text = match file {
+        None => String::new(),
+        Some(path) => std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+            path: path.into(),
+            source,
+        })?,
+    };
+    let origin = file.map_or_else(|| "--set".to_owned(), |p| p.display().to_string());
+    parse_config(&text, &origin, assignments)
+}
+
+/// Settings from TOML text and assignments over it. `origin` names the text in errors.
+pub fn parse_config(
+    text: &str,
+    origin: &str,
+    assignments: &[String],
+) -> Result<Config, ConfigError> {
+    let mut table: toml::Table =
+        text.parse()
+            .map_err(|e: toml::de::Error| ConfigError::Syntax {
+                origin: origin.into(),
+                message: e.to_string(),
+            })?;
+    // The file alone first, so that its errors carry its name.
+    let config = read(table.clone(), origin)?;
+    if assignments.is_empty() {
+        return Ok(config);
+    }
+    for text in assignments {
+        assign(&mut table, text)?;
+    }
+    read(table, &format!("--set {}", assignments.join(" --set ")))
+}
+
+/// The settings as TOML text: what `parse_config` reads back.
+pub fn config_text(config: &Config) -> String {
+    toml::to_string(config).expect(
+        "settings are numbers, lists and names in two levels of tables, all of which TOML has",
+    )
+}
+
+fn read(table: toml::Table, origin: &str) -> Result<Config, ConfigError> {
+    Config::deserialize(Value(toml::Value::Table(table))).map_err(|fault| fault.into_error(origin))
+}
+
+fn assign(table: &mut toml::Table, text: &str) -> Result<(), ConfigError> {
+    let (key, value) = text
+        .split_once('=')
+        .ok_or_else(|| ConfigError::NotAnAssignment {
+            text: text.to_owned(),
+        })?;
+    // A bare word is a string: quoting it for TOML through a shell is a nuisance.
+    let value = format!("x = {value}")
+        .parse::<toml::Table>()
+        .ok()
+        .and_then(|mut t| t.remove("x"))
+        .unwrap_or_else(|| toml::Value::String(value.trim().to_owned()));
+    let mut path: Vec<&str> = key.trim().split('.').collect();
+    let last = path.pop().unwrap_or_default();
+    let mut at = table;
+    for section in path {
+        let inner = at
+            .entry(section)
+            .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        at = inner.as_table_mut().ok_or_else(|| ConfigError::Value {
+            origin: format!("--set {text}"),
+            key: key.trim().to_owned(),
+            message: format!("`{section}` is not a section"),
+        })?;
+    }
+    at.insert(last.to_owned(), value);
+    Ok(())
+}
+
+/// What serde finds wrong, kept in parts: its ready-made text would hide the list of known keys.
+#[derive(Debug)]
+struct Fault {
+    path: Vec<String>,
+    unknown: Option<&'static [&'static str]>,
+    message: String,
+}
+
+impl Fault {
+    fn under(mut self, key: &str) -> Self {
+        self.path.insert(0, key.to_owned());
+        self
+    }
+
+    fn into_error(self, origin: &str) -> ConfigError {
+        let key = self.path.join(".");
+        let origin = origin.to_owned();
+        match self.unknown {
+            None => ConfigError::Value {
+                origin,
+                key,
+                message: self.message,
+            },
+            Some(names) => {
+                let section = &self.path[..self.path.len() - 1];
+                let whole = |name: &str| {
+                    section
+                        .iter()
+                        .map(String::as_str)
+                        .chain([name])
+                        .collect::<Vec<_>>()
+                        .join(".")
+                };
+                let name = &self.path[self.path.len() - 1];
+                let nearest = names
+                    .iter()
+                    .map(|known| (distance(name, known), known))
+                    .min()
+                    // Further than that, a suggestion is a guess.
+                    .filter(|(d, known)| *d <= known.len().max(name.len()) / 2)
+                    .map(|(_, known)| whole(known));
+                ConfigError::UnknownKey {
+                    origin,
+                    key,
+                    nearest,
+                    known: names.iter().map(|n| whole(n)).collect(),
+                }
+            }
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl de::Error for Fault {
+    fn custom<T: fmt::Display>(message: T) -> Self {
+        Fault {
+            path: Vec::new(),
+            unknown: None,
+            message: message.to_string(),
+        }
+    }
+
+    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
+        Fault {
+            path: vec![field.to_owned()],
+            unknown: Some(expected),
+            message: String::new(),
+        }
+    }
+}
+
+/// A TOML value that reports faults as [`Fault`].
+struct Value(toml::Value);
+
+impl<'de> de::IntoDeserializer<'de, Fault> for Value {
+    type Deserializer = Self;
+
+    fn into_deserializer(self) -> Self {
+        self
+    }
+}
+
+impl<'de> de::Deserializer<'de> for Value {
+    type Error = Fault;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+        match self.0 {
+            toml::Value::String(s) => visitor.visit_string(s),
+            toml::Value::Integer(i) => visitor.visit_i64(i),
+            toml::Value::Float(x) => visitor.visit_f64(x),
+            toml::Value::Boolean(b) => visitor.visit_bool(b),
+            toml::Value::Datetime(d) => visitor.visit_string(d.to_string()),
+            toml::Value::Array(list) => {
+                visitor.visit_seq(SeqDeserializer::new(list.into_iter().map(Value)))
+            }
+            toml::Value::Table(table) => visitor.visit_map(Entries {
+                rest: table.into_iter(),
+                value: None,
+            }),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+        visitor.visit_some(self)
+    }
+
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Fault> {
+        match self.0 {
+            toml::Value::String(s) => de::Deserializer::deserialize_enum(
+                de::IntoDeserializer::<Fault>::into_deserializer(s),
+                name,
+                variants,
+                visitor,
+            ),
+            other => Err(de::Error::custom(format!(
+                "{other} is not one of {}",
+                variants.join(", ")
+            ))),
+        }
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct
+        newtype_struct seq tuple tuple_struct map struct identifier ignored_any
+    }
+}
+
+struct Entries {
+    rest: toml::map::IntoIter<String, toml::Value>,
+    value: Option<(String, toml::Value)>,
+}
+
+impl<'de> MapAccess<'de> for Entries {
+    type Error = Fault;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(
+        &mut self,
+        seed: K,
+    ) -> Result<Option<K::Value>, Fault> {
+        let Some((key, value)) = self.rest.next() else {
+            return Ok(None);
+        };
+        let read = seed.deserialize(de::IntoDeserializer::<Fault>::into_deserializer(
+            key.clone(),
+        ))?;
+        self.value = Some((key, value));
+        Ok(Some(read))
+    }
+
+    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Fault> {
+        let (key, value) = self
+            .value
+            .take()
+            .ok_or_else(|| de::Error::custom("a value without its key"))?;
+        seed.deserialize(Value(value))
+            .map_err(|fault| fault.under(&key))
+    }
+}
+
+/// Least number of insertions, deletions and replacements that turn one word into the other: the Levenshtein distance.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insnav_core::imu::ImuGrade;
+
+    fn parse(text: &str, assignments: &[&str]) -> Result<Config, ConfigError> {
+        let assignments: Vec<String> = assignments.iter().map(|&a| a.to_owned()).collect();
+        parse_config(text, "car.toml", &assignments)
+    }
+
+    #[test]
+    fn file_then_assignments() {
+        let c = parse(
+            "[imu]\ngrade = \"tactical\"\n[gnss]\nlever_arm_b_m = [1, 0.5, -0.2]\ntime_offset_s = -0.2",
+            &["gnss.time_offset_s=0.1", "imu.grade=consumer", "noise.accel_bias_mg = 3"],
+        )
+        .unwrap();
+        assert_eq!(c.imu.grade, Some(ImuGrade::Consumer));
+        assert_eq!(c.gnss.lever_arm_b_m, Some([1.0, 0.5, -0.2]));
+        assert_eq!(c.gnss.time_offset_s, 0.1);
+        assert_eq!(c.noise.accel_bias_mg, Some(3.0));
+    }
+
+    #[test]
+    fn text_comes_back_as_the_same_settings() {
+        let mut c = Config::default();
+        c.imu.grade = Some(ImuGrade::Industrial);
+        c.gnss.lever_arm_b_m = Some([0.1, -0.2, 0.3]);
+        c.output.origin = Some([59.1, 18.2, 30.0]);
+        assert_eq!(parse(&config_text(&c), &[]).unwrap(), c);
+        assert_eq!(
+            parse(&config_text(&Config::default()), &[]).unwrap(),
+            Config::default()
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_the_nearest() {
+        let e = parse("[gnss]\nlever_arm_m = [0, 0, 0]", &[]).unwrap_err();
+        assert_eq!(e.code(), "unknown_config_key");
+        assert_eq!(e.to_string(), "car.toml: unknown key `gnss.lever_arm_m`");
+        assert_eq!(e.remedy(), "did you mean `gnss.lever_arm_b_m`?");
+        let e = parse("[gnns]\nsigma_scale = 1", &[]).unwrap_err();
+        assert_eq!(e.remedy(), "did you mean `gnss`?");
+        let e = parse("", &["imu.grad=tactical"]).unwrap_err();
+        assert!(
+            e.to_string().contains("--set imu.grad=tactical") && e.remedy().contains("imu.grade"),
+            "{e}"
+        );
+    }
+
+    #[test]
+    fn a_far_key_gets_the_list_and_no_guess() {
+        let e = parse("[imu]\nzzzzzzzz = 1", &[]).unwrap_err();
+        assert!(
+            e.remedy().starts_with("known here: imu.grade, "),
+            "{}",
+            e.remedy()
+        );
+    }
+
+    #[test]
+    fn a_wrong_value_names_its_key() {
+        let e = parse("[gnss]\nsigma_scale = \"big\"", &[]).unwrap_err();
+        assert_eq!(e.code(), "bad_config_value");
+        assert!(
+            e.to_string().starts_with("car.toml: `gnss.sigma_scale`: "),
+            "{e}"
+        );
+        let e = parse("[imu]\ngrade = \"best\"", &[]).unwrap_err();
+        assert!(
+            e.to_string().contains("`imu.grade`") && e.to_string().contains("consumer"),
+            "{e}"
+        );
+        let e = parse("[imu]\nmounting_rpy_deg = [1, 2]", &[]).unwrap_err();
+        assert!(e.to_string().contains("imu.mounting_rpy_deg"), "{e}");
+    }
+
+    #[test]
+    fn broken_text_tells_the_line() {
+        let e = parse("[gnss]\nsigma_scale = = 3", &[]).unwrap_err();
+        assert!(
+            e.code() == "config_syntax" && e.to_string().contains("line 2"),
+            "{e}"
+        );
+        assert_eq!(
+            parse("", &["gnss.sigma_scale"]).unwrap_err().code(),
+            "bad_option"
+        );
+        assert_eq!(
+            parse("", &["imu.grade.x=1", "imu.grade.x.y=1"])
+                .unwrap_err()
+                .code(),
+            "bad_config_value"
+        );
+    }
+
+    #[test]
+    fn edit_distances() {
+        for (a, b, d) in [
+            ("kitten", "sitting", 3),
+            ("", "abc", 3),
+            ("same", "same", 0),
+            ("flaw", "lawn", 2),
+        ] {
+            assert_eq!(distance(a, b), d, "{a} {b}");
+        }
+    }
+}

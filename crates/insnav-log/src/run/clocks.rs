@@ -1,0 +1,111 @@
+//! Clock offsets of a log: found, used or only told.
+
+use super::RunError;
+use super::execute::is_withheld;
+use super::plan::Plan;
+use super::report::{Estimate, Warning};
+use super::source::Source;
+use insnav_core::clock_offset::{ClockOffset, Search, velocity_lag};
+use insnav_core::config::Config;
+use insnav_core::sample::Sample;
+
+/// What is known of the clocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clocks {
+    /// Offset of the IMU's clock that the run uses, if it was found in the data.
+    pub offset_used: Option<Estimate>,
+    /// Offset that the data show, if it is not used.
+    pub offset_found: Option<Estimate>,
+    /// Lag of GNSS velocity that the run uses, if it was found in the data.
+    pub lag_used: Option<Estimate>,
+    /// Lag that the data show, if it is not used.
+    pub lag_found: Option<Estimate>,
+}
+
+/// Without being asked for, offsets are looked for in this much of the log only, s of samples at the IMU's rate.
+const GLANCE_S: f64 = 1200.0;
+/// Differences below this are not worth a warning, s: at 30 m/s, 0.3 m.
+const NEGLIGIBLE_S: f64 = 0.01;
+
+/// Look for both offsets. What cannot be observed stays unknown.
+pub(super) fn find_clocks(
+    source: &(impl Source + ?Sized),
+    plan: &Plan,
+    thorough: bool,
+) -> Result<Clocks, RunError> {
+    let withholding = plan.withholding();
+    let mut samples: Vec<Sample> = Vec::new();
+    for sample in source.samples()? {
+        let sample = sample?;
+        if !thorough && sample.time().since(plan.origin) > GLANCE_S {
+            break;
+        }
+        // A withheld fix must not tell the clock either.
+        if !is_withheld(&withholding, &sample) {
+            samples.push(sample);
+        }
+    }
+    let lag = velocity_lag(&samples, &Search::default()).ok();
+    let estimate = |c: ClockOffset| Estimate {
+        value: c.value,
+        sigma: Some(c.sigma),
+    };
+    Ok(Clocks {
+        lag_found: lag.map(estimate),
+        ..Clocks::default()
+    })
+}
+
+impl Clocks {
+    /// Put what was found into the settings.
+    pub(super) fn use_what_was_found(&mut self, config: &mut Config) {
+        self.offset_used = self.offset_found.take();
+        self.lag_used = self.lag_found.take();
+        if let Some(offset) = self.offset_used {
+            config.gnss.time_offset_s = offset.value;
+        }
+        if let Some(lag) = self.lag_used {
+            config.gnss.velocity_lag_s = lag.value;
+        }
+    }
+
+    /// Where the data contradict the settings by more than chance.
+    pub(super) fn differences(&self, config: &Config) -> Vec<Warning> {
+        let mut found = Vec::new();
+        let mut compare = |code, what: &str, key: &str, estimate: Option<Estimate>, set: f64| {
+            let Some(Estimate {
+                value,
+                sigma: Some(sigma),
+            }) = estimate
+            else {
+                return;
+            };
+            if (value - set).abs() > (3.0 * sigma).max(NEGLIGIBLE_S) {
+                found.push(Warning {
+                    code,
+                    message: format!(
+                        "{what} by {value:.3} ± {sigma:.3} s, where the run uses {set:.3} s"
+                    ),
+                    remedy: format!(
+                        "use what the data say with `--time-offset auto`, or set {key} = {value:.3}"
+                    ),
+                });
+            }
+        };
+        compare(
+            "time_offset",
+            "the IMU's stamps are before the clock of GNSS positions",
+            "gnss.time_offset_s",
+            self.offset_found,
+            config.gnss.time_offset_s,
+        );
+        compare(
+            "velocity_lag",
+            "GNSS velocity is stamped later than its position",
+            "gnss.velocity_lag_s",
+            self.lag_found,
+            config.gnss.velocity_lag_s,
+        );
+        found
+    }
+}

@@ -1,0 +1,97 @@
+//! Why a run did not come to its end.
+
+use crate::{ConfigError, LogError};
+use insnav_core::error::Error as CoreError;
+
+/// Why a run failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The settings.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The navigator.
+    #[error(transparent)]
+    Navigator(#[from] CoreError),
+    /// No inertial sample.
+    #[error("no inertial samples")]
+    NoImu,
+    /// No position fix.
+    #[error("no GNSS position: {dropped_hint}")]
+    NoGnss {
+        /// What may be behind it.
+        dropped_hint: &'static str,
+    },
+    /// Positions and inertial data of different times.
+    #[error(
+        "no GNSS position lies within the inertial data: IMU from {imu_begin:.1} to {imu_end:.1} s, positions from \
+         {gnss_begin:.1} to {gnss_end:.1} s (Unix time)"
+    )]
+    NoOverlap {
+        /// First IMU stamp, s.
+        imu_begin: f64,
+        /// Last IMU stamp, s.
+        imu_end: f64,
+        /// First position stamp, s.
+        gnss_begin: f64,
+        /// Last position stamp, s.
+        gnss_end: f64,
+    },
+    /// Nearly all inertial samples are not finite.
+    #[error("{not_finite} of {samples} inertial samples have NaN or infinity in them")]
+    ImuNotFinite {
+        /// How many are bad.
+        not_finite: usize,
+        /// Of how many.
+        samples: usize,
+    },
+}
+
+impl RunError {
+    /// A short name for programs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            RunError::Log(e) => e.code(),
+            RunError::Config(e) => e.code(),
+            RunError::Navigator(CoreError::ImuBackward { .. }) => "backward_stamps",
+            RunError::Navigator(CoreError::NotFinite { .. }) | RunError::ImuNotFinite { .. } => {
+                "not_finite"
+            }
+            RunError::Navigator(CoreError::Config { .. }) => "bad_config_value",
+            RunError::Navigator(CoreError::NotStarted { .. }) => "not_started",
+            RunError::Navigator(CoreError::NotObservable { .. }) => "not_observable",
+            RunError::Navigator(_) => "navigator",
+            RunError::NoImu => "no_imu_samples",
+            RunError::NoGnss { .. } => "no_gnss_samples",
+            RunError::NoOverlap { .. } => "no_overlap",
+        }
+    }
+
+    /// What the user can do about it.
+    pub fn remedy(&self) -> String {
+        match self {
+            RunError::Log(e) => e.remedy(),
+            RunError::Config(e) => e.remedy(),
+            RunError::Navigator(CoreError::ImuBackward { .. }) => {
+                "the IMU's clock jumped: cut the log there, or use the recorder's clock with `--time log`".into()
+            }
+            RunError::Navigator(CoreError::NotStarted { .. }) => {
+                "give the heading at the first sample with `--heading-deg`, or a log with more driving".into()
+            }
+            RunError::Navigator(CoreError::Config { .. }) => "change it in the config file or with `--set`".into(),
+            RunError::Navigator(CoreError::NotObservable { .. }) => {
+                "give the value yourself, for example `--time-offset 0`".into()
+            }
+            RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
+            RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
+            RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes".into(),
+            RunError::NoOverlap { .. } => {
+                "the clocks differ: take the recorder's with `--time log`, or correct the stamps".into()
+            }
+            RunError::ImuNotFinite { .. } => "check the driver: the navigator cannot run without inertial data".into(),
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! The one loop.
+
+use super::RunError;
+use super::plan::Plan;
+use super::report::{Estimate, RunReport, Warning};
+use super::source::{SolutionSink, Source};
+use super::tally::Tally;
+use super::withhold::Withholding;
+use crate::config_text;
+use insnav_core::alignment::HeadingSource;
+use insnav_core::navigator::Navigator;
+use insnav_core::sample::Sample;
+use std::time::Instant;
+
+/// Above this standard deviation of the heading at the end (degrees) the user is told that it is not known.
+const VAGUE_HEADING_DEG: f64 = 20.0;
+/// Above this share of rejected measurements the user is told.
+const MANY_REJECTED: f64 = 0.1;
+
+impl Plan {
+    /// Run the navigator over the source, into the sink.
+    pub fn execute<S: SolutionSink>(
+        &self,
+        source: &(impl Source + ?Sized),
+        sink: &mut S,
+    ) -> Result<RunReport, RunError> {
+        let begin = Instant::now();
+        let withholding = self.withholding();
+        let mut navigator = Navigator::new(&self.config, self.noise())?;
+        let mut withheld = 0;
+        let mut imu_samples = 0;
+        let mut tally = Tally::new(sink, self.origin, &self.survey.stops);
+        for sample in source.samples()? {
+            let sample = sample?;
+            imu_samples += usize::from(sample.is_inertial());
+            if is_withheld(&withholding, &sample) {
+                if let Sample::GnssPosition(fix) = &sample {
+                    withheld += 1;
+                    tally.sink().withheld(fix);
+                }
+                continue;
+            }
+            navigator.step(&sample, &mut tally)?;
+        }
+        navigator.finish(&mut tally)?;
+        if let Some(error) = tally.sink().failure() {
+            return Err(error);
+        }
+        let mut warnings = self.warnings.clone();
+        warnings.extend(findings(&tally));
+        Ok(RunReport {
+            imu_samples,
+            duration_s: tally.duration_s(),
+            elapsed_s: begin.elapsed().as_secs_f64() + self.planning_s,
+            distance_m: tally.distance_m,
+            time_offset_s: self
+                .clocks
+                .offset_used
+                .unwrap_or(given(self.config.gnss.time_offset_s)),
+            gnss_velocity_lag_s: self
+                .clocks
+                .lag_used
+                .unwrap_or(given(self.config.gnss.velocity_lag_s)),
+            time_offset_found_s: self.clocks.offset_found,
+            gnss_velocity_lag_found_s: self.clocks.lag_found,
+            imu_grade: self.grade,
+            imu_grade_picked: self.grade_picked,
+            lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
+            alignment: tally.alignment,
+            stops: tally.stops(),
+            aiding: tally.aiding(),
+            withheld,
+            last: tally.last(),
+            warnings,
+            config: config_text(&self.config),
+        })
+    }
+}
+
+fn given(value: f64) -> Estimate {
+    Estimate { value, sigma: None }
+}
+
+/// Whether a sample is a fix that the navigator must not see.
+pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample) -> bool {
+    matches!(sample, Sample::GnssPosition(_) | Sample::GnssVelocity(_))
+        && withholding.takes(sample.time())
+}
+
+/// What the run itself brought to light.
+fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
+    let mut found = Vec::new();
+    let mut warn = |code, message: String, remedy: &str| {
+        found.push(Warning {
+            code,
+            message,
+            remedy: remedy.into(),
+        })
+    };
+    let e = tally.events;
+    if e.imu_gaps > 0 {
+        warn(
+            "imu_gaps",
+            format!(
+                "{} gaps in the inertial data, the longest {:.2} s, were bridged with widened uncertainty",
+                e.imu_gaps, e.longest_gap_s
+            ),
+            "record with a larger queue for the IMU topic",
+        );
+    }
+    if e.too_late > 0 {
+        warn(
+            "late_aiding",
+            format!("{} fixes came too late to be used", e.too_late),
+            "check the receiver's latency and clock with `insnav info`",
+        );
+    }
+    if e.duplicates > 0 {
+        warn(
+            "duplicate_imu",
+            format!(
+                "{} inertial samples repeat the stamp before them and were not used",
+                e.duplicates
+            ),
+            "record the topic once only, and check the driver's stamps",
+        );
+    }
+    if e.not_finite > 0 {
+        warn(
+            "not_finite",
+            format!(
+                "{} samples with NaN or infinity in them were not used",
+                e.not_finite
+            ),
+            "check the driver",
+        );
+    }
+    for aid in tally.aiding() {
+        let all = aid.used + aid.inflated + aid.rejected;
+        if aid.rejected as f64 > MANY_REJECTED * all as f64 && all > 10 {
+            warn(
+                "many_rejected",
+                format!(
+                    "{} of {all} {} measurements were rejected",
+                    aid.rejected, aid.name
+                ),
+                "check lever arm and clocks with `insnav info`; too small stated sigmas are widened by gnss.sigma_scale",
+            );
+        }
+    }
+    if let Some(a) = tally
+        .alignment
+        .filter(|a| a.heading_source == HeadingSource::Unknown)
+    {
+        warn(
+            "heading_unknown",
+            format!(
+                "no heading was found at the start (sigma {:.0}°)",
+                a.sigma_heading_deg
+            ),
+            "give it with `--heading-deg`, or record a stretch of driving",
+        );
+    } else if let Some(last) = tally
+        .last()
+        .filter(|l| l.sigma_heading_deg > VAGUE_HEADING_DEG)
+    {
+        warn(
+            "heading_vague",
+            format!(
+                "the heading at the end is known to {:.0}° only",
+                last.sigma_heading_deg
+            ),
+            "speed and turns make heading observable; give it at the start with `--heading-deg`",
+        );
+    }
+    found
+}

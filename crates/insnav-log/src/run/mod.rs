@@ -1,0 +1,32 @@
+//! The main job, whoever asks for it: look at the data, choose what is left open, drive the one loop.
+//!
+//! ```no_run
+//! use insnav_log::{Log, Plan, ReadOptions, RunOptions};
+//! # fn main() -> Result<(), insnav_log::RunError> {
+//! let log = Log::open("drive.mcap".as_ref(), ReadOptions::default())?;
+//! let plan = Plan::make(&log, &Default::default(), &RunOptions::default())?;
+//! let report = plan.execute(&log, &mut ())?; // any sink
+//! println!("{:.0} m in {:.0} s", report.distance_m, report.duration_s);
+//! # Ok(()) }
+//! ```
+
+mod clocks;
+mod error;
+mod execute;
+mod oddities;
+mod plan;
+mod report;
+mod source;
+mod survey;
+mod tally;
+mod withhold;
+
+pub use clocks::Clocks;
+pub use error::RunError;
+pub use plan::{Plan, RunOptions};
+pub use report::{
+    AidingReport, AlignmentReport, Estimate, FinalReport, RunReport, StopReport, Warning,
+};
+pub use source::{SolutionSink, Source};
+pub use survey::Survey;
+pub use withhold::Withhold;

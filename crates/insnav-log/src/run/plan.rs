@@ -1,0 +1,170 @@
+//! What a run will do, decided before it begins: everything that the settings leave open is chosen from the data here.
+
+use super::RunError;
+use super::clocks::{Clocks, find_clocks};
+use super::oddities::{lever_arm_unknown, looks_wrong};
+use super::report::Warning;
+use super::source::Source;
+use super::survey::Survey;
+use super::withhold::{Withhold, Withholding};
+use crate::log::METADATA_T0;
+use crate::{SinkOptions, config_text};
+use insnav_core::config::Config;
+use insnav_core::earth::Geodetic;
+use insnav_core::imu::{ImuGrade, ImuNoise};
+use insnav_core::time::Time;
+use std::time::Instant;
+
+/// Choices of a run that are not settings of the navigator.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunOptions {
+    /// Find both clock offsets in the data and use them.
+    pub time_offset_auto: bool,
+    /// Do not look for clock offsets at all; else they are looked for and, when large, warned of.
+    pub ignore_clocks: bool,
+    /// Fixes to keep from the navigator.
+    pub withhold: Withhold,
+}
+
+/// A run about to begin.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Settings, complete.
+    pub config: Config,
+    /// Zero of all seconds.
+    pub origin: Time,
+    /// Class of the inertial unit.
+    pub grade: ImuGrade,
+    /// Whether it was picked from the data.
+    pub grade_picked: bool,
+    /// What is known of the clocks.
+    pub clocks: Clocks,
+    /// What the data hold.
+    pub survey: Survey,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    pub(super) withhold: Withhold,
+    pub(super) planning_s: f64,
+}
+
+impl Plan {
+    /// Look at a source and choose.
+    pub fn make(
+        source: &(impl Source + ?Sized),
+        config: &Config,
+        options: &RunOptions,
+    ) -> Result<Self, RunError> {
+        let begin = Instant::now();
+        source.check()?;
+        let mut config = *config;
+        config.validate()?;
+        let survey = Survey::of(source)?;
+        check(&survey)?;
+        let (first, _) = survey.imu_span.ok_or(RunError::NoImu)?;
+        let origin = source.origin()?.unwrap_or(first);
+        let mut warnings = source.oddities()?;
+        warnings.extend(looks_wrong(&survey));
+
+        let grade_picked = config.imu.grade.is_none();
+        let grade = match config.imu.grade {
+            Some(grade) => grade,
+            None => ImuGrade::Consumer,
+        };
+        config.imu.grade = Some(grade);
+        if config.gnss.lever_arm_b_m.is_none() {
+            let known = source.lever_arm_b()?;
+            if known.is_none() {
+                warnings.push(lever_arm_unknown());
+            }
+            config.gnss.lever_arm_b_m = Some(known.unwrap_or_default().into());
+        }
+
+        let mut plan = Plan {
+            config,
+            origin,
+            grade,
+            grade_picked,
+            clocks: Clocks::default(),
+            survey,
+            warnings,
+            withhold: options.withhold.clone(),
+            planning_s: 0.0,
+        };
+        if !options.ignore_clocks {
+            let clocks = find_clocks(source, &plan, options.time_offset_auto)?;
+            plan.take_clocks(clocks, options.time_offset_auto);
+        }
+        plan.planning_s = begin.elapsed().as_secs_f64();
+        Ok(plan)
+    }
+
+    /// The noise of the inertial unit.
+    pub fn noise(&self) -> ImuNoise {
+        self.config.noise.over(self.grade)
+    }
+
+    /// How to write the solution: rate and point as the settings say, the map around the first fix unless they name another
+    /// origin; the settings, the origin of time and what was withheld go into the metadata.
+    pub fn sink_options(&self) -> SinkOptions {
+        let output = &self.config.output;
+        let origin = match output.origin {
+            Some([latitude, longitude, height]) => {
+                Some(Geodetic::from_degrees(latitude, longitude, height))
+            }
+            None => self.survey.positions.first().map(|p| p.position),
+        };
+        let mut metadata = std::collections::BTreeMap::from([
+            (METADATA_T0.to_owned(), self.origin.0.to_string()),
+            ("config".to_owned(), config_text(&self.config)),
+        ]);
+        if self.withhold != Withhold::Nothing {
+            metadata.insert("withhold".into(), self.withhold.to_string());
+        }
+        SinkOptions {
+            rate_hz: output.rate_hz,
+            lever_arm_b_m: output.lever_arm_b_m,
+            origin,
+            metadata,
+            ..SinkOptions::default()
+        }
+    }
+
+    pub(super) fn withholding(&self) -> Withholding {
+        let epochs = self.survey.positions.iter().map(|p| p.time).collect();
+        Withholding::new(self.withhold.clone(), self.origin, epochs)
+    }
+
+    fn take_clocks(&mut self, mut clocks: Clocks, auto: bool) {
+        if auto {
+            clocks.use_what_was_found(&mut self.config);
+        } else {
+            self.warnings.extend(clocks.differences(&self.config));
+        }
+        self.clocks = clocks;
+    }
+}
+
+/// What makes a run impossible.
+fn check(survey: &Survey) -> Result<(), RunError> {
+    let (first, last) = survey.imu_span.ok_or(RunError::NoImu)?;
+    if 2 * survey.imu_not_finite > survey.imu_samples {
+        return Err(RunError::ImuNotFinite {
+            not_finite: survey.imu_not_finite,
+            samples: survey.imu_samples,
+        });
+    }
+    let (Some(a), Some(b)) = (survey.positions.first(), survey.positions.last()) else {
+        return Err(RunError::NoGnss {
+            dropped_hint: "no fix with a valid position",
+        });
+    };
+    if !survey.overlaps() {
+        return Err(RunError::NoOverlap {
+            imu_begin: first.seconds(),
+            imu_end: last.seconds(),
+            gnss_begin: a.time.seconds(),
+            gnss_end: b.time.seconds(),
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,161 @@
+//! What a run tells, with the keys of the command's JSON.
+
+use insnav_core::alignment::HeadingSource;
+use insnav_core::imu::ImuGrade;
+use serde::Serialize;
+
+/// Something in the data or the settings that the user should know, with what to do about it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Warning {
+    /// A short name for programs.
+    pub code: &'static str,
+    /// What was found.
+    pub message: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+/// A number and its standard deviation; no sigma when it was given and not estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sigma: Option<f64>,
+}
+
+/// How the run began.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AlignmentReport {
+    /// Roll at the first sample, degrees.
+    pub roll_deg: f64,
+    /// Pitch, degrees.
+    pub pitch_deg: f64,
+    /// Heading, degrees clockwise from true north.
+    pub heading_deg: f64,
+    /// Standard deviation of the levelling (the larger of both axes), degrees.
+    pub sigma_level_deg: f64,
+    /// Standard deviation of the heading, degrees.
+    pub sigma_heading_deg: f64,
+    /// Seconds of standing data that levelled the start; 0 when it was levelled in motion.
+    pub standing_s: f64,
+    /// Whether the vehicle drove backwards where its course was taken.
+    pub reversing: bool,
+    /// Where the heading came from.
+    pub heading_source: HeadingSource,
+    /// When the heading became known, s.
+    pub heading_at_s: f64,
+}
+
+/// A stop of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StopReport {
+    /// Begin, s.
+    pub begin_s: f64,
+    /// End, s.
+    pub end_s: f64,
+    /// Heading at the begin, degrees.
+    pub heading_before_deg: Option<f64>,
+    /// Heading at the end, degrees.
+    pub heading_after_deg: Option<f64>,
+    /// Standard deviation of the heading at the end, degrees.
+    pub sigma_heading_deg: Option<f64>,
+}
+
+/// What became of one kind of measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AidingReport {
+    /// Name of the measurement.
+    pub name: &'static str,
+    /// Components of one, at most.
+    pub dof: usize,
+    /// Used as they stood.
+    pub used: usize,
+    /// Refused by the gate.
+    pub rejected: usize,
+    /// Used with a widened covariance.
+    pub inflated: usize,
+    /// Mean normalised innovation squared per component, of all: 1 when the stated noise is right.
+    pub nis_mean: Option<f64>,
+}
+
+/// The last epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FinalReport {
+    /// Instant, s.
+    pub time_s: f64,
+    /// Latitude, degrees.
+    pub latitude_deg: f64,
+    /// Longitude, degrees.
+    pub longitude_deg: f64,
+    /// Ellipsoidal height, m.
+    pub height_m: f64,
+    /// Velocity north, east, down, m/s.
+    pub velocity_ned_m_per_s: [f64; 3],
+    /// Roll, degrees.
+    pub roll_deg: f64,
+    /// Pitch, degrees.
+    pub pitch_deg: f64,
+    /// Heading, degrees clockwise from true north.
+    pub heading_deg: f64,
+    /// Gyro bias, degrees per hour, body axes.
+    pub gyro_bias_deg_per_hour: [f64; 3],
+    /// Accelerometer bias, mg, body axes.
+    pub accel_bias_mg: [f64; 3],
+    /// Standard deviation of the horizontal position (root of the sum of both variances), m.
+    pub sigma_horizontal_m: f64,
+    /// Of the height, m.
+    pub sigma_height_m: f64,
+    /// Of the horizontal velocity, m/s.
+    pub sigma_velocity_m_per_s: f64,
+    /// Of roll and pitch (the larger), degrees.
+    pub sigma_level_deg: f64,
+    /// Of the heading, degrees.
+    pub sigma_heading_deg: f64,
+    /// Of the gyro biases, degrees per hour.
+    pub sigma_gyro_bias_deg_per_hour: [f64; 3],
+    /// Of the accelerometer biases, mg.
+    pub sigma_accel_bias_mg: [f64; 3],
+}
+
+/// Everything a run has to say.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunReport {
+    /// Inertial samples taken.
+    pub imu_samples: usize,
+    /// Time between the first and the last epoch, s.
+    pub duration_s: f64,
+    /// Time the computer needed, s.
+    pub elapsed_s: f64,
+    /// Way over ground, m.
+    pub distance_m: f64,
+    /// Added to IMU stamps to meet the clock of GNSS positions.
+    pub time_offset_s: Estimate,
+    /// How much later than its position a velocity is stamped.
+    pub gnss_velocity_lag_s: Estimate,
+    /// What a search for the offset found, where it was not used.
+    pub time_offset_found_s: Option<Estimate>,
+    /// What a search for the lag found, where it was not used.
+    pub gnss_velocity_lag_found_s: Option<Estimate>,
+    /// Class of the inertial unit.
+    pub imu_grade: ImuGrade,
+    /// Whether it was picked from the log's own noise.
+    pub imu_grade_picked: bool,
+    /// Lever arm used, forward-right-down, m.
+    pub lever_arm_b_m: [f64; 3],
+    /// The start.
+    pub alignment: Option<AlignmentReport>,
+    /// Stops, by GNSS speed below 0.1 m/s.
+    pub stops: Vec<StopReport>,
+    /// Measurements.
+    pub aiding: Vec<AidingReport>,
+    /// Fixes withheld.
+    pub withheld: usize,
+    /// The end.
+    #[serde(rename = "final")]
+    pub last: Option<FinalReport>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// The settings as they were used, TOML.
+    pub config: String,
+}

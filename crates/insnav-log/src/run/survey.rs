@@ -1,0 +1,110 @@
+//! What a source holds, in one pass before the run: enough to choose settings and to say what looks wrong.
+
+use super::{RunError, Source};
+use insnav_core::metrics::{Stop, StopFinder};
+use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
+use insnav_core::time::Time;
+use nalgebra::Vector3;
+
+/// A source at a glance.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// Inertial samples.
+    pub imu_samples: usize,
+    /// Inertial samples with NaN or infinity in them.
+    pub imu_not_finite: usize,
+    /// First and last inertial stamp.
+    pub imu_span: Option<(Time, Time)>,
+    /// Position fixes, in order.
+    pub positions: Vec<GnssPosition>,
+    /// Velocity fixes, in order.
+    pub velocities: Vec<GnssVelocity>,
+    /// Stops, by GNSS speed below 0.1 m/s; none without GNSS velocity.
+    pub stops: Vec<Stop>,
+    /// Mean specific force, body axes, m/s²; `None` when the unit gives increments.
+    pub mean_force_b: Option<Vector3<f64>>,
+    /// Mean length of the specific force, m/s².
+    pub mean_force_length: Option<f64>,
+}
+
+impl Survey {
+    /// Read a source once.
+    pub fn of(source: &(impl Source + ?Sized)) -> Result<Self, RunError> {
+        let mut survey = Survey::default();
+        let (mut sum, mut lengths, mut rates) = (Vector3::zeros(), 0.0, 0_usize);
+        for sample in source.samples()? {
+            match sample? {
+                Sample::Imu(s) => {
+                    survey.saw_imu(s.time);
+                    if s.specific_force_b
+                        .iter()
+                        .chain(s.angular_rate_b.iter())
+                        .all(|x| x.is_finite())
+                    {
+                        sum += s.specific_force_b;
+                        lengths += s.specific_force_b.norm();
+                        rates += 1;
+                    } else {
+                        survey.imu_not_finite += 1;
+                    }
+                }
+                Sample::ImuIncrement(s) => {
+                    survey.saw_imu(s.time);
+                    let finite = s
+                        .angle_b
+                        .iter()
+                        .chain(s.velocity_b.iter())
+                        .all(|x| x.is_finite());
+                    survey.imu_not_finite += usize::from(!finite);
+                }
+                Sample::GnssPosition(p) => survey.positions.push(p),
+                Sample::GnssVelocity(v) => survey.velocities.push(v),
+                _ => {}
+            }
+        }
+        survey.positions.sort_by_key(|p| p.time);
+        survey.velocities.sort_by_key(|v| v.time);
+        let mut finder = StopFinder::default();
+        for v in &survey.velocities {
+            finder.push_speed(v.time, v.velocity_n.xy().norm());
+        }
+        survey.stops = finder.finish();
+        if rates > 0 {
+            survey.mean_force_b = Some(sum / rates as f64);
+            survey.mean_force_length = Some(lengths / rates as f64);
+        }
+        Ok(survey)
+    }
+
+    fn saw_imu(&mut self, time: Time) {
+        self.imu_samples += 1;
+        let (first, last) = self.imu_span.get_or_insert((time, time));
+        *first = (*first).min(time);
+        *last = (*last).max(time);
+    }
+
+    /// Position fixes that state no covariance.
+    pub fn positions_without_sigma(&self) -> usize {
+        self.positions
+            .iter()
+            .filter(|p| p.covariance_n.is_none())
+            .count()
+    }
+
+    /// Velocity fixes that state no covariance.
+    pub fn velocities_without_sigma(&self) -> usize {
+        self.velocities
+            .iter()
+            .filter(|v| v.covariance_n.is_none())
+            .count()
+    }
+
+    /// Whether any position fix falls into the time of the inertial data, give or take a second.
+    pub fn overlaps(&self) -> bool {
+        self.imu_span.is_some_and(|(first, last)| {
+            self.positions
+                .iter()
+                .any(|p| p.time >= first.plus(-1.0) && p.time <= last.plus(1.0))
+        })
+    }
+}

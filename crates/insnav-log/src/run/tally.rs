@@ -1,0 +1,226 @@
+//! Watches a run on its way to the sink: counts measurements, adds up the way, notes headings at stops.
+
+use super::report::{AidingReport, AlignmentReport, FinalReport, StopReport};
+use insnav_core::alignment::Alignment;
+use insnav_core::attitude::Euler;
+use insnav_core::filter::{Update, Verdict};
+use insnav_core::imu::STANDARD_GRAVITY;
+use insnav_core::metrics::Stop;
+use insnav_core::solution::{Epoch, Event, Sink};
+use insnav_core::time::Time;
+
+/// Epochs per second that the tally looks at, whatever the sink wants: enough for way and stops.
+const PERIOD: f64 = 0.1;
+
+/// Totals of one kind of measurement.
+#[derive(Clone, Copy, Debug, Default)]
+struct Aid {
+    dof: usize,
+    used: usize,
+    rejected: usize,
+    inflated: usize,
+    nis: f64,
+    components: usize,
+}
+
+/// Counts of what the navigator had to tell besides epochs and updates.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct EventCounts {
+    pub(super) imu_gaps: usize,
+    pub(super) longest_gap_s: f64,
+    pub(super) too_late: usize,
+    pub(super) duplicates: usize,
+    pub(super) not_finite: usize,
+}
+
+/// A sink in front of another.
+pub(super) struct Tally<'a, S> {
+    sink: &'a mut S,
+    wanted_by_sink: bool,
+    next_own: Option<Time>,
+    origin: Time,
+    stops: Vec<(Stop, StopReport)>,
+    aids: Vec<(&'static str, Aid)>,
+    first: Option<Time>,
+    last: Option<Epoch>,
+    pub(super) distance_m: f64,
+    pub(super) alignment: Option<AlignmentReport>,
+    pub(super) events: EventCounts,
+}
+
+impl<'a, S: Sink> Tally<'a, S> {
+    pub(super) fn new(sink: &'a mut S, origin: Time, stops: &[Stop]) -> Self {
+        let report = |s: &Stop| StopReport {
+            begin_s: s.begin.since(origin),
+            end_s: s.end.since(origin),
+            heading_before_deg: None,
+            heading_after_deg: None,
+            sigma_heading_deg: None,
+        };
+        Tally {
+            sink,
+            wanted_by_sink: false,
+            next_own: None,
+            origin,
+            stops: stops.iter().map(|s| (*s, report(s))).collect(),
+            aids: Vec::new(),
+            first: None,
+            last: None,
+            distance_m: 0.0,
+            alignment: None,
+            events: EventCounts::default(),
+        }
+    }
+
+    pub(super) fn sink(&mut self) -> &mut S {
+        self.sink
+    }
+
+    pub(super) fn duration_s(&self) -> f64 {
+        self.first
+            .zip(self.last)
+            .map_or(0.0, |(first, last)| last.nav.time.since(first))
+    }
+
+    pub(super) fn stops(&self) -> Vec<StopReport> {
+        self.stops.iter().map(|(_, report)| *report).collect()
+    }
+
+    pub(super) fn aiding(&self) -> Vec<AidingReport> {
+        let report = |&(name, a): &(&'static str, Aid)| AidingReport {
+            name,
+            dof: a.dof,
+            used: a.used,
+            rejected: a.rejected,
+            inflated: a.inflated,
+            nis_mean: (a.components > 0).then(|| a.nis / a.components as f64),
+        };
+        self.aids.iter().map(report).collect()
+    }
+
+    pub(super) fn last(&self) -> Option<FinalReport> {
+        self.last.as_ref().map(|epoch| last(epoch, self.origin))
+    }
+
+    fn observe(&mut self, epoch: &Epoch) {
+        let time = epoch.nav.time;
+        self.first.get_or_insert(time);
+        if let Some(before) = &self.last {
+            let speed =
+                0.5 * (before.nav.velocity_n.xy().norm() + epoch.nav.velocity_n.xy().norm());
+            let standing = self
+                .stops
+                .iter()
+                .any(|(s, _)| (s.begin..=s.end).contains(&time));
+            // The noise of a standing solution's velocity is no way.
+            if !standing {
+                self.distance_m += speed * time.since(before.nav.time);
+            }
+        }
+        for (stop, report) in &mut self.stops {
+            if time < stop.begin || time > stop.end {
+                continue;
+            }
+            let heading = epoch.euler().heading_deg();
+            report.heading_before_deg.get_or_insert(heading);
+            report.heading_after_deg = Some(heading);
+            report.sigma_heading_deg = Some(epoch.heading_sigma().to_degrees());
+        }
+        self.last = Some(*epoch);
+    }
+}
+
+impl<S: Sink> Sink for Tally<'_, S> {
+    fn wants_epoch(&mut self, time: Time) -> bool {
+        self.wanted_by_sink = self.sink.wants_epoch(time);
+        let own = self.next_own.is_none_or(|next| time >= next);
+        if own {
+            self.next_own = Some(time.plus(PERIOD));
+        }
+        own || self.wanted_by_sink
+    }
+
+    fn epoch(&mut self, epoch: &Epoch) {
+        if std::mem::take(&mut self.wanted_by_sink) {
+            self.sink.epoch(epoch);
+        }
+        self.observe(epoch);
+    }
+
+    fn update(&mut self, update: &Update) {
+        let at = self
+            .aids
+            .iter()
+            .position(|(name, _)| *name == update.measurement)
+            .unwrap_or_else(|| {
+                self.aids.push((update.measurement, Aid::default()));
+                self.aids.len() - 1
+            });
+        let aid = &mut self.aids[at].1;
+        aid.dof = aid.dof.max(update.dof);
+        aid.nis += update.nis;
+        aid.components += update.dof;
+        match update.verdict {
+            Verdict::Accepted => aid.used += 1,
+            Verdict::Inflated => aid.inflated += 1,
+            Verdict::Rejected => aid.rejected += 1,
+        }
+        self.sink.update(update);
+    }
+
+    fn event(&mut self, event: &Event) {
+        match event {
+            Event::Started(a) => self.alignment = Some(alignment(a, self.origin)),
+            Event::ImuGap { from, to } => {
+                self.events.imu_gaps += 1;
+                self.events.longest_gap_s = self.events.longest_gap_s.max(to.since(*from));
+            }
+            Event::TooLate { .. } => self.events.too_late += 1,
+            Event::DuplicateImu { .. } => self.events.duplicates += 1,
+            Event::NotFinite { .. } => self.events.not_finite += 1,
+            _ => {}
+        }
+        self.sink.event(event);
+    }
+}
+
+fn alignment(a: &Alignment, origin: Time) -> AlignmentReport {
+    let e = Euler::from_quaternion(&a.nav.q_nb);
+    AlignmentReport {
+        roll_deg: e.roll.to_degrees(),
+        pitch_deg: e.pitch.to_degrees(),
+        heading_deg: e.heading_deg(),
+        sigma_level_deg: a.sigma.attitude.x.max(a.sigma.attitude.y).to_degrees(),
+        sigma_heading_deg: a.sigma.attitude.z.to_degrees(),
+        standing_s: a.standing_s,
+        reversing: a.reversing,
+        heading_source: a.heading_source,
+        heading_at_s: a.heading_at.since(origin),
+    }
+}
+
+fn last(epoch: &Epoch, origin: Time) -> FinalReport {
+    let e = epoch.euler();
+    let sigma = |i: usize| epoch.covariance[(i, i)].max(0.0).sqrt();
+    let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
+    let mg = |force: f64| force / STANDARD_GRAVITY * 1e3;
+    FinalReport {
+        time_s: epoch.nav.time.since(origin),
+        latitude_deg: epoch.nav.position.latitude_deg(),
+        longitude_deg: epoch.nav.position.longitude_deg(),
+        height_m: epoch.nav.position.height,
+        velocity_ned_m_per_s: epoch.nav.velocity_n.into(),
+        roll_deg: e.roll.to_degrees(),
+        pitch_deg: e.pitch.to_degrees(),
+        heading_deg: e.heading_deg(),
+        gyro_bias_deg_per_hour: epoch.imu_errors.gyro_bias.map(per_hour).into(),
+        accel_bias_mg: epoch.imu_errors.accel_bias.map(mg).into(),
+        sigma_horizontal_m: sigma(0).hypot(sigma(1)),
+        sigma_height_m: sigma(2),
+        sigma_velocity_m_per_s: sigma(3).hypot(sigma(4)),
+        sigma_level_deg: sigma(6).max(sigma(7)).to_degrees(),
+        sigma_heading_deg: sigma(8).to_degrees(),
+        sigma_gyro_bias_deg_per_hour: [9, 10, 11].map(|i| per_hour(sigma(i))),
+        sigma_accel_bias_mg: [12, 13, 14].map(|i| mg(sigma(i))),
+    }
+}
