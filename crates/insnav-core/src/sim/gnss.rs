@@ -1,9 +1,10 @@
 //! What a GNSS receiver says: fixes of an antenna with white and coloured errors, outages, outliers and late stamps.
 
 use super::noise::{GaussMarkov, Source, Stream};
+use super::range::{finite, not_negative, positive, require};
 use super::trajectory::{Kinematics, Trajectory};
 use crate::earth::LocalEarth;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::sample::{GnssPosition, GnssVelocity, Sample};
 use crate::time::Time;
 use nalgebra::{Matrix3, Vector3};
@@ -84,59 +85,34 @@ impl Default for GnssModel {
 
 impl GnssModel {
     pub(super) fn check(&self) -> Result<()> {
-        let require = |ok: bool, key, value, expected| {
-            if ok {
-                Ok(())
-            } else {
-                Err(Error::Config {
-                    key,
-                    value,
-                    expected,
-                })
-            }
-        };
-        let rate = |v: f64, key| require((0.0..=1000.0).contains(&v), key, v, "between 0 and 1000");
+        let within =
+            |v: f64, low, high, key, expected| require((low..=high).contains(&v), key, v, expected);
+        let rate = |v, key| within(v, 0.0, 1000.0, key, "between 0 and 1000");
         rate(self.position_rate_hz, "gnss.position_rate_hz")?;
         rate(self.velocity_rate_hz, "gnss.velocity_rate_hz")?;
-        let sigmas = |v: &[f64; 3], key| {
-            v.iter().try_for_each(|v| {
-                require(
-                    (0.0..f64::INFINITY).contains(v),
-                    key,
-                    *v,
-                    "finite and not negative",
-                )
-            })
-        };
-        sigmas(&self.position_sigma_m, "gnss.position_sigma_m")?;
-        sigmas(
+        not_negative(&self.position_sigma_m, "gnss.position_sigma_m")?;
+        not_negative(
             &self.position_colour_sigma_m,
             "gnss.position_colour_sigma_m",
         )?;
-        sigmas(&self.velocity_sigma_m_per_s, "gnss.velocity_sigma_m_per_s")?;
-        let tau = self.position_colour_tau_s;
-        require(tau > 0.0, "gnss.position_colour_tau_s", tau, "positive")?;
-        let p = self.outlier_probability;
-        require(
-            (0.0..=1.0).contains(&p),
+        not_negative(&self.velocity_sigma_m_per_s, "gnss.velocity_sigma_m_per_s")?;
+        positive(self.position_colour_tau_s, "gnss.position_colour_tau_s")?;
+        let share = self.outlier_probability;
+        within(
+            share,
+            0.0,
+            1.0,
             "gnss.outlier_probability",
-            p,
             "between 0 and 1",
         )?;
-        require(
-            self.outlier_size_m.is_finite(),
-            "gnss.outlier_size_m",
-            self.outlier_size_m,
-            "finite",
-        )?;
-        let seconds = |v: f64, key| require(v.abs() <= 1e3, key, v, "within ±1000");
-        seconds(self.time_offset_s, "gnss.time_offset_s")?;
-        seconds(self.velocity_lag_s, "gnss.velocity_lag_s")?;
-        seconds(self.latency_s, "gnss.latency_s")?;
-        for v in &self.lever_arm_b_m {
-            require(v.abs() <= 1e3, "gnss.lever_arm_b_m", *v, "within ±1000")?;
-        }
-        Ok(())
+        finite(&[self.outlier_size_m], "gnss.outlier_size_m")?;
+        let thousand = |v, key| within(v, -1e3, 1e3, key, "within ±1000");
+        thousand(self.time_offset_s, "gnss.time_offset_s")?;
+        thousand(self.velocity_lag_s, "gnss.velocity_lag_s")?;
+        thousand(self.latency_s, "gnss.latency_s")?;
+        self.lever_arm_b_m
+            .iter()
+            .try_for_each(|v| thousand(*v, "gnss.lever_arm_b_m"))
     }
 
     fn is_out(&self, seconds: f64) -> bool {
@@ -247,6 +223,7 @@ pub(super) fn simulate(
 mod tests {
     use super::super::scenario::Scenario;
     use super::*;
+    use crate::error::Error;
 
     fn drive() -> Trajectory {
         Trajectory::new(&Scenario::car_drive(300.0).drive).expect("valid")

@@ -12,17 +12,20 @@
 //! # Ok::<(), insnav_core::error::Error>(())
 //! ```
 
+mod drive;
 mod gnss;
 mod imu;
 mod noise;
 mod quadrature;
+mod range;
 mod scenario;
 mod simulation;
 mod trajectory;
 
+pub use drive::{Body, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};
 pub use imu::{ImuErrorModel, ImuModel, ImuOutput};
 pub use noise::{GaussMarkov, Source, Stream};
 pub use scenario::Scenario;
 pub use simulation::{Simulation, Truth};
-pub use trajectory::{Body, Drive, Kinematics, Leg, Trajectory, Wave};
+pub use trajectory::{Kinematics, Trajectory};

@@ -1,10 +1,10 @@
 //! Scenarios: a drive, an inertial unit and a receiver as plain data, and some ready ones.
 
+use super::drive::{Body, Drive, Leg, Wave};
 use super::gnss::{GnssModel, Span};
 use super::imu::{ImuErrorModel, ImuModel, ImuOutput};
 use super::noise::{Source, Stream};
 use super::simulation::Simulation;
-use super::trajectory::{Body, Drive, Leg, Wave};
 use crate::error::Result;
 use crate::imu::ImuGrade;
 use serde::{Deserialize, Serialize};

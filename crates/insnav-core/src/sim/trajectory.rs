@@ -1,83 +1,14 @@
 //! Where a body goes: smooth motion over the ellipsoid with its exact angular rate and specific force.
 
+use super::drive::{Body, Drive, Wave};
 use super::quadrature::{gauss_legendre, legendre};
 use crate::attitude::Euler;
 use crate::earth::{Geodetic, LocalEarth};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mechanization::NavState;
 use crate::time::Time;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 use std::vec::Vec;
-
-/// One stretch of a drive: over its duration, speed and slope change smoothly to new values and the course by an angle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Leg {
-    /// Length in time, s.
-    pub duration_s: f64,
-    /// Speed along the path at the end, m/s.
-    pub speed_m_per_s: f64,
-    /// Change of course, clockwise, degrees.
-    #[serde(default)]
-    pub turn_deg: f64,
-    /// Slope of the path at the end, up positive, degrees.
-    #[serde(default)]
-    pub slope_deg: f64,
-}
-
-/// One sine of a swaying body.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Wave {
-    /// Amplitude at high speed, degrees.
-    pub amplitude_deg: f64,
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Phase at the start, degrees.
-    #[serde(default)]
-    pub phase_deg: f64,
-}
-
-/// How the body is turned against its path: leaning in turns, squatting, swaying on its springs.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Body {
-    /// Roll to the outside of a turn, degrees per m/s² of lateral acceleration.
-    pub lean_deg_per_m_per_s2: f64,
-    /// Nose up under acceleration, degrees per m/s².
-    pub squat_deg_per_m_per_s2: f64,
-    /// Sway in roll.
-    pub roll: Vec<Wave>,
-    /// Sway in pitch.
-    pub pitch: Vec<Wave>,
-    /// Speed at which the sway has half its amplitude, m/s; it vanishes at standstill.
-    pub sway_speed_m_per_s: f64,
-}
-
-/// A whole drive: start and legs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Drive {
-    /// Stamp of the start, s on the log's clock.
-    pub start_s: f64,
-    /// Latitude of the start, degrees.
-    pub latitude_deg: f64,
-    /// Longitude of the start, degrees.
-    pub longitude_deg: f64,
-    /// Ellipsoidal height of the start, m.
-    pub height_m: f64,
-    /// Course at the start, degrees clockwise from north.
-    pub heading_deg: f64,
-    /// Speed at the start, m/s.
-    #[serde(default)]
-    pub speed_m_per_s: f64,
-    /// What happens, one after the other.
-    pub legs: Vec<Leg>,
-    /// How the body is turned against the path.
-    #[serde(default)]
-    pub body: Body,
-}
 
 /// Exact motion at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -245,7 +176,7 @@ impl Trajectory {
     /// [`Error::Config`] if a number of the drive is not finite, a duration not positive, the start beyond 85° of latitude,
     /// or the slope beyond 80°; also when there is no leg.
     pub fn new(drive: &Drive) -> Result<Self> {
-        check(drive)?;
+        drive.check()?;
         let mut pieces = Vec::with_capacity(drive.legs.len());
         let mut begin = 0.0;
         let mut speed = drive.speed_m_per_s;
@@ -428,99 +359,9 @@ impl Panel {
     }
 }
 
-fn check(drive: &Drive) -> Result<()> {
-    let require = |ok: bool, key, value, expected| {
-        if ok {
-            Ok(())
-        } else {
-            Err(Error::Config {
-                key,
-                value,
-                expected,
-            })
-        }
-    };
-    require(
-        !drive.legs.is_empty(),
-        "drive.legs",
-        0.0,
-        "at least one leg",
-    )?;
-    require(
-        drive.start_s.is_finite(),
-        "drive.start_s",
-        drive.start_s,
-        "finite",
-    )?;
-    require(
-        drive.latitude_deg.abs() <= 85.0,
-        "drive.latitude_deg",
-        drive.latitude_deg,
-        "within ±85",
-    )?;
-    require(
-        drive.longitude_deg.abs() <= 360.0,
-        "drive.longitude_deg",
-        drive.longitude_deg,
-        "within ±360",
-    )?;
-    require(
-        drive.height_m.abs() <= 1e5,
-        "drive.height_m",
-        drive.height_m,
-        "within ±100000",
-    )?;
-    require(
-        drive.heading_deg.is_finite(),
-        "drive.heading_deg",
-        drive.heading_deg,
-        "finite",
-    )?;
-    let speed = |v: f64, key| require(v.abs() <= 1000.0, key, v, "within ±1000");
-    speed(drive.speed_m_per_s, "drive.speed_m_per_s")?;
-    for leg in &drive.legs {
-        let d = leg.duration_s;
-        require(
-            d > 0.0 && d <= 1e6,
-            "drive.legs.duration_s",
-            d,
-            "positive and at most 1000000",
-        )?;
-        speed(leg.speed_m_per_s, "drive.legs.speed_m_per_s")?;
-        require(
-            leg.turn_deg.abs() <= 1e5,
-            "drive.legs.turn_deg",
-            leg.turn_deg,
-            "within ±100000",
-        )?;
-        require(
-            leg.slope_deg.abs() <= 80.0,
-            "drive.legs.slope_deg",
-            leg.slope_deg,
-            "within ±80",
-        )?;
-    }
-    let body = &drive.body;
-    let angle = |v: f64, key| require(v.is_finite(), key, v, "finite");
-    angle(
-        body.lean_deg_per_m_per_s2,
-        "drive.body.lean_deg_per_m_per_s2",
-    )?;
-    angle(
-        body.squat_deg_per_m_per_s2,
-        "drive.body.squat_deg_per_m_per_s2",
-    )?;
-    angle(body.sway_speed_m_per_s, "drive.body.sway_speed_m_per_s")?;
-    for wave in body.roll.iter().chain(&body.pitch) {
-        angle(wave.amplitude_deg, "drive.body amplitude_deg")?;
-        angle(wave.frequency_hz, "drive.body frequency_hz")?;
-        angle(wave.phase_deg, "drive.body phase_deg")?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::drive::Leg;
     use super::super::scenario::Scenario;
     use super::*;
     use crate::attitude::{exp, log};
@@ -695,28 +536,5 @@ mod tests {
         assert!(
             (k.specific_force_b + Vector3::new(0.0, 0.0, gravity(&k.nav.position))).norm() < 1e-14
         );
-    }
-
-    #[test]
-    fn bad_numbers_are_refused_by_name() {
-        let good = Scenario::standing(10.0, 0.0).drive;
-        let refused = |change: fn(&mut Drive)| {
-            let mut drive = good.clone();
-            change(&mut drive);
-            match Trajectory::new(&drive) {
-                Err(Error::Config { key, .. }) => key,
-                other => panic!("{other:?}"),
-            }
-        };
-        assert_eq!(refused(|d| d.latitude_deg = f64::NAN), "drive.latitude_deg");
-        assert_eq!(
-            refused(|d| d.legs[0].duration_s = 0.0),
-            "drive.legs.duration_s"
-        );
-        assert_eq!(
-            refused(|d| d.legs[0].slope_deg = 90.0),
-            "drive.legs.slope_deg"
-        );
-        assert_eq!(refused(|d| d.legs.clear()), "drive.legs");
     }
 }
