@@ -4,10 +4,10 @@ use super::columns::{Columns, States, part};
 use super::covariance::Covariance;
 use super::dynamics::{GaussMarkov, fill_base};
 use super::gate::Gate;
-use super::layout::{ACCEL_BIAS, ATTITUDE, GYRO_BIAS, Layout, POSITION, VELOCITY};
+use super::layout::{ACCEL_BIAS, ATTITUDE, CAPACITY, GYRO_BIAS, Layout, POSITION, VELOCITY};
 use super::transition::Transition;
 use super::update::{Update, Verdict};
-use crate::attitude::exp;
+use crate::attitude::{exp, log};
 use crate::error::{Error, Result};
 use crate::imu::{ImuErrors, ImuNoise};
 use crate::mechanization::{Increment, NavState};
@@ -50,6 +50,31 @@ impl Nominal {
                 accel_bias: self.imu_errors.accel_bias + of(ACCEL_BIAS),
             },
         }
+    }
+
+    /// ⊟: the error of `self` if `truth` is the truth, the inverse of [`Nominal::retract`] for the base states; zero for all
+    /// others.
+    pub fn local(&self, layout: &Layout, truth: &Nominal) -> States {
+        let mut dx = [0.0; CAPACITY];
+        let errors = [
+            (POSITION, self.nav.position.offset_to(&truth.nav.position)),
+            (VELOCITY, truth.nav.velocity_n - self.nav.velocity_n),
+            (ATTITUDE, log(&(truth.nav.q_nb * self.nav.q_nb.inverse()))),
+            (
+                GYRO_BIAS,
+                truth.imu_errors.gyro_bias - self.imu_errors.gyro_bias,
+            ),
+            (
+                ACCEL_BIAS,
+                truth.imu_errors.accel_bias - self.imu_errors.accel_bias,
+            ),
+        ];
+        for (block, error) in errors {
+            if let Some(range) = layout.range(block) {
+                dx[range].copy_from_slice(error.as_slice());
+            }
+        }
+        dx
     }
 }
 
