@@ -7,7 +7,6 @@ use crate::measurement::{UNSTATED_POSITION_SIGMA, UNSTATED_VELOCITY_SIGMA};
 use crate::sample::{GnssPosition, GnssVelocity};
 use crate::time::Time;
 use std::f64::consts::PI;
-use std::vec::Vec;
 
 /// A course is good enough when its standard deviation is below this, rad (about 4°).
 const COURSE_SIGMA: f64 = 0.07;
@@ -20,9 +19,9 @@ const LARGEST_TURN: f64 = 0.5;
 /// How a unit is bolted in by eye: standard deviation of its axes against the vehicle's, rad (5°).
 const MOUNTING_SIGMA: f64 = 0.087;
 
-/// Nothing on wheels reverses faster than this, m/s; and reversing is believed only after so much motion, s.
-const LARGEST_REVERSE_SPEED: f64 = 6.0;
-const REVERSE_EVIDENCE: f64 = 2.0;
+/// A vehicle stands below this speed, m/s; and the memory of a standstill, s, after which tilt has spoilt the gain of speed.
+const STANDSTILL_SPEED: f64 = 0.2;
+const REVERSE_MEMORY: f64 = 10.0;
 
 /// A heading at the first sample, and where it came from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,46 +70,24 @@ pub(super) fn by_velocity(velocities: &[GnssVelocity], track: &Track) -> Option<
     })
 }
 
-/// Does the speed over ground grow while the accelerometer feels a push from the front?
+/// Did the accelerometer feel a push from the front while the vehicle drove off?
 ///
-/// Regresses the change of speed between fixes on the gain of velocity along the nose (both less their means: a tilt adds a
-/// constant to the gain). The slope is +1 driving forward and −1 backward. Only clear evidence says "backward": the wrong
-/// answer costs half a turn, and most vehicles drive forward most of the time.
+/// Compares the speed with the gain of velocity along the nose since the last standstill: they are equal driving forward and
+/// opposite driving backward, within what a tilt of a degree or two adds in so short a time. Without a recent standstill the
+/// answer is no: most vehicles drive forward most of the time, and the wrong answer costs half a turn.
 fn drives_backwards(velocities: &[GnssVelocity], track: &Track) -> bool {
     let speed = |v: &GnssVelocity| v.velocity_n.xy().norm();
-    let Some(newest) = velocities.last() else {
+    let (Some(newest), Some(standstill)) = (
+        velocities.last(),
+        velocities.iter().rfind(|v| speed(v) < STANDSTILL_SPEED),
+    ) else {
         return false;
     };
-    if speed(newest) > LARGEST_REVERSE_SPEED {
+    let (Some(now), Some(then)) = (track.at(newest.time), track.at(standstill.time)) else {
         return false;
-    }
-    let begin = velocities.iter().rposition(|v| speed(v) < 0.1).unwrap_or(0);
-    let mut rows = Vec::new();
-    for pair in velocities[begin..].windows(2) {
-        let dt = pair[1].time.since(pair[0].time);
-        if let (Some(a), Some(b)) = (track.at(pair[0].time), track.at(pair[1].time))
-            && dt > 0.0
-            && dt <= 2.0
-        {
-            rows.push((
-                (b.forward_gain - a.forward_gain) / dt,
-                (speed(&pair[1]) - speed(&pair[0])) / dt,
-            ));
-        }
-    }
-    let count = rows.len() as f64;
-    if rows.len() < 5 || newest.time.since(velocities[begin].time) < REVERSE_EVIDENCE {
-        return false;
-    }
-    let mean = rows
-        .iter()
-        .fold((0.0, 0.0), |m, r| (m.0 + r.0 / count, m.1 + r.1 / count));
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for (x, y) in rows.iter().map(|r| (r.0 - mean.0, r.1 - mean.1)) {
-        (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
-    }
-    // Correlation of −1 within its sampling error of about 1/√n, slope of −1 within a factor of two.
-    xy < 0.0 && xy * xy > 0.5 * xx * yy && (0.5..2.0).contains(&(-xy / xx))
+    };
+    newest.time.since(standstill.time) < REVERSE_MEMORY
+        && now.forward_gain - then.forward_gain < -0.5 * speed(newest)
 }
 
 /// Whether the newest position is far enough from an earlier one for a course.

@@ -15,12 +15,12 @@ const STANDING_ENOUGH: f64 = 30.0;
 /// Length of data that is averaged when the start is in motion, s.
 const MOVING_WINDOW: f64 = 10.0;
 /// Limits of a standing piece: mean rate, rad/s; standard deviation and wander of the force, m/s²; GNSS speed, m/s; and how
-/// far positions may scatter, m or in their own sigmas.
+/// far positions may scatter, m plus their own sigmas (for receivers that give no velocity).
 const STANDING_RATE: f64 = 0.05;
 const STANDING_FORCE_DEVIATION: f64 = 1.0;
 const STANDING_FORCE_WANDER: f64 = 0.3;
 const STANDING_SPEED: f64 = 0.3;
-const STANDING_SCATTER: (f64, f64) = (1.5, 1.0);
+const STANDING_SCATTER: (f64, f64) = (1.0, 5.0);
 /// Acceleration that the mean over [`MOVING_WINDOW`] may hide when GNSS does not tell it, m/s².
 const UNKNOWN_ACCELERATION: f64 = 0.6;
 
@@ -183,7 +183,7 @@ fn standing_pieces(
             && variance.sqrt() < STANDING_FORCE_DEVIATION
             && wander < STANDING_FORCE_WANDER
             && !told_to_move
-            && !scattered(positions, until);
+            && !(velocities.is_empty() && scattered(positions, until));
         if !still {
             break;
         }

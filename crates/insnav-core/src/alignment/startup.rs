@@ -6,7 +6,7 @@ use super::track::{Inertial, Track, inertial};
 use super::{Alignment, HeadingSource};
 use crate::attitude::Euler;
 use crate::config::{AlignmentConfig, Config, VehicleKind};
-use crate::earth::earth_rate_n;
+use crate::earth::{EARTH_RATE, earth_rate_n};
 use crate::error::{Error, Result};
 use crate::filter::InitialSigma;
 use crate::imu::{ImuErrors, ImuNoise};
@@ -176,7 +176,11 @@ impl Startup {
         let bias = level
             .standing_rate
             .filter(|(rate, _)| rate.norm() < self.believable_rate());
-        let rough_bias = bias.map_or_else(Vector3::zeros, |(rate, _)| rate);
+        // A mean rate at rest has the Earth's rate in it; the track takes out its vertical part itself.
+        let earth_down = Vector3::z() * (EARTH_RATE * fix.position.latitude.sin());
+        let rough_bias = bias.map_or_else(Vector3::zeros, |(rate, _)| {
+            rate + level.q_level.inverse_transform_vector(&earth_down)
+        });
         let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
         let course = self.heading(fixes, &track, begin);
         // What the gyros add while they carry the heading back.
@@ -202,7 +206,7 @@ impl Startup {
 
     /// A standing rate above this is no bias but a turn, rad/s.
     fn believable_rate(&self) -> f64 {
-        4.0 * self.noise.gyro_bias_sigma + crate::earth::EARTH_RATE
+        4.0 * self.noise.gyro_bias_sigma + EARTH_RATE
     }
 
     fn heading(&self, fixes: Option<usize>, track: &Track, begin: Time) -> Course {
@@ -245,7 +249,7 @@ impl Startup {
                 rate - earth_rate_b,
                 sigma
                     .hypot(0.1 * self.noise.gyro_bias_sigma)
-                    .hypot(crate::earth::EARTH_RATE * heading_sigma.min(1.0)),
+                    .hypot(EARTH_RATE * heading_sigma.min(1.0)),
             ),
             None => (Vector3::zeros(), self.noise.gyro_bias_sigma),
         };
