@@ -1,8 +1,10 @@
 //! Clock offsets on real recordings, against what is known of them.
 
-use insnav::clock_offset::{Search, velocity_lag};
+use insnav::clock_offset::{ClockOffset, Search, imu_offset, velocity_lag};
 use insnav::earth::Geodetic;
+use insnav::error::Error;
 use insnav::sample::{GnssPosition, GnssVelocity, ImuSample, Sample};
+use insnav::sim::Scenario;
 use insnav::time::Time;
 use nalgebra::Vector3;
 use std::io::Read;
@@ -100,4 +102,123 @@ fn a_position_only_receiver_has_no_velocity_lag() {
         return;
     };
     assert!(velocity_lag(&samples, &Search::default()).is_err());
+}
+
+fn report(name: &str, samples: &[Sample]) -> insnav::error::Result<ClockOffset> {
+    let begin = std::time::Instant::now();
+    let found = imu_offset(samples, &Vector3::zeros(), &Search::default());
+    println!("{name}: IMU offset {found:?} in {:.0?}", begin.elapsed());
+    found
+}
+
+/// What is known of it: −0.21 ± 0.03 s, by the fit of this log's inertial data to its positions in another program.
+#[test]
+fn imu_offset_of_the_rtk_drive() {
+    let Some(samples) = recording("rtkexp_drive_0708") else {
+        return;
+    };
+    let found = report("rtkexp_drive_0708", &samples).expect("observable");
+    assert!((found.value + 0.21).abs() < 0.03, "{found:?}");
+    assert!(found.sigma < 0.02, "{found:?}");
+}
+
+/// Stamps moved by a known amount must move the estimate by that amount.
+#[test]
+fn imu_offset_follows_moved_stamps() {
+    for name in ["rtkexp_drive_0708", "hipnuc_20220504", "kth_skog_car"] {
+        let Some(samples) = recording(name) else {
+            continue;
+        };
+        let first = report(name, &samples).expect("observable");
+        // Towards zero, so that it stays within the range.
+        let shift = 0.25_f64.copysign(first.value);
+        let mut moved: Vec<_> = samples
+            .iter()
+            .map(|s| {
+                if s.is_inertial() {
+                    s.delayed(shift)
+                } else {
+                    *s
+                }
+            })
+            .collect();
+        moved.sort_by_key(Sample::time);
+        let second = report(name, &moved).expect("observable");
+        // The same noise, but other stretches: half a sigma is what cutting the log elsewhere may do.
+        let error = second.value - (first.value - shift);
+        assert!(
+            error.abs() < 0.5 * first.sigma.hypot(second.sigma),
+            "{name}: {first:?} {second:?}"
+        );
+    }
+}
+
+/// A minute at steady speed, and a slow robot under fixes of a metre: nothing to be found, and said so.
+#[test]
+fn gentle_motion_is_declared_unobservable() {
+    for name in ["comma2k19_example1", "husky_rl_test1"] {
+        let Some(samples) = recording(name) else {
+            continue;
+        };
+        assert!(matches!(
+            report(name, &samples),
+            Err(Error::NotObservable { .. })
+        ));
+    }
+}
+
+fn town_drive(offset: f64) -> Scenario {
+    let mut scenario = Scenario::car_drive(300.0);
+    scenario.imu.rate_hz = 100.0;
+    scenario.gnss.position_rate_hz = 5.0;
+    scenario.gnss.velocity_rate_hz = 5.0;
+    scenario.gnss.position_sigma_m = [0.3, 0.3, 0.6];
+    scenario.gnss.time_offset_s = offset;
+    scenario
+}
+
+#[test]
+fn imu_offset_of_simulated_drives_is_found_with_an_honest_sigma() {
+    let mut sum = 0.0;
+    let offsets = [-0.35, -0.21, -0.1, 0.0, 0.05, 0.12, 0.2, 0.4];
+    for (seed, offset) in (0..).zip(offsets) {
+        let samples = town_drive(offset)
+            .simulate(seed)
+            .expect("valid scenario")
+            .samples;
+        let found =
+            imu_offset(&samples, &Vector3::zeros(), &Search::default()).expect("observable");
+        println!("simulated {offset}: {found:?}");
+        assert!(found.sigma < 0.05, "{found:?}");
+        sum += ((found.value - offset) / found.sigma).powi(2);
+    }
+    // Chi-square of 8: 0.1 % is above 26.1. A sigma far too large (mean square below 0.1 of it, 0.1 % as well) fails too.
+    assert!((0.86..26.1).contains(&sum), "{sum}");
+}
+
+#[test]
+fn the_velocity_lag_leaves_the_imu_offset_alone_and_the_reverse() {
+    let mut scenario = town_drive(-0.21);
+    scenario.gnss.velocity_lag_s = 0.128;
+    let samples = scenario.simulate(1).expect("valid scenario").samples;
+    let offset = imu_offset(&samples, &Vector3::zeros(), &Search::default()).expect("observable");
+    let lag = velocity_lag(&samples, &Search::default()).expect("observable");
+    println!("simulated: offset {offset:?}, lag {lag:?}");
+    assert!(
+        (offset.value + 0.21).abs() < 3.3 * offset.sigma,
+        "{offset:?}"
+    );
+    assert!((lag.value - 0.128).abs() < 3.3 * lag.sigma, "{lag:?}");
+}
+
+#[test]
+fn a_standing_car_tells_no_offset() {
+    let mut scenario = Scenario::standing(200.0, 30.0);
+    scenario.gnss.position_rate_hz = 5.0;
+    let samples = scenario.simulate(3).expect("valid scenario").samples;
+    let found = imu_offset(&samples, &Vector3::zeros(), &Search::default());
+    assert!(
+        matches!(found, Err(Error::NotObservable { .. })),
+        "{found:?}"
+    );
 }

@@ -4,8 +4,13 @@
 //! Both estimators need neither an alignment nor a configuration, and look at the whole log rather than running with it.
 //! They take an offset as constant: a clock that drifts by more than the sigma over the log is told by nothing here.
 
+mod gnss_track;
+mod imu_offset;
+mod preintegration;
 mod velocity_lag;
+mod window;
 
+pub use imu_offset::estimate as imu_offset;
 pub use velocity_lag::estimate as velocity_lag;
 
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,9 @@
 //! How late a receiver's velocity is against its own position, from GNSS alone.
 
+use super::gnss_track::{Path, Track, median_interval};
 use super::{ClockOffset, Search, median};
 use crate::error::{Error, Result};
 use crate::sample::Sample;
-use crate::time::Time;
 
 /// Time over which displacements are compared, s, and at least two position intervals.
 ///
@@ -73,7 +73,7 @@ pub fn estimate(samples: &[Sample], search: &Search) -> Result<ClockOffset> {
                 "the best lag lies outside the searched range",
             ));
         }
-        if !(step.abs() > 1e-7) {
+        if step.is_nan() || step.abs() <= 1e-7 {
             break;
         }
     }
@@ -86,7 +86,7 @@ pub fn estimate(samples: &[Sample], search: &Search) -> Result<ClockOffset> {
         (fit.score_at(&track, &spans, lag - h) - fit.score_at(&track, &spans, lag + h)) / (2.0 * h)
     };
     let slope = slope_across(0.5 * track.interval).min(slope_across(0.1 * track.interval));
-    if !(slope > 0.25 * fit.information) {
+    if slope.is_nan() || slope <= 0.25 * fit.information {
         return Err(not_observable(
             "speed and course change too little against the noise",
         ));
@@ -94,7 +94,7 @@ pub fn estimate(samples: &[Sample], search: &Search) -> Result<ClockOffset> {
     // What Huber's loss clips does not bend: [Huber64], variance E ψ² / (E ψ')².
     let sigma =
         long_run_variance(&fit.score, &spans).sqrt() / (slope * fit.unclipped / fit.information);
-    if !(sigma < search.uniform_sigma()) {
+    if sigma.is_nan() || sigma >= search.uniform_sigma() {
         return Err(not_observable(
             "speed and course change too little against the noise",
         ));
@@ -110,182 +110,6 @@ fn not_observable(reason: &'static str) -> Error {
     Error::NotObservable {
         what: "the lag of GNSS velocity",
         reason,
-    }
-}
-
-/// Horizontal positions as metres along the way (NED axes at each point, as velocities have), and their stamps.
-struct Path {
-    t: Vec<f64>,
-    p: Vec<[f64; 2]>,
-    interval: f64,
-}
-
-impl Path {
-    fn new(samples: &[Sample], zero: Time) -> Self {
-        let mut fixes: Vec<_> = samples
-            .iter()
-            .filter_map(|s| match s {
-                Sample::GnssPosition(p) if p.position.is_valid() => {
-                    Some((p.time.since(zero), p.position))
-                }
-                _ => None,
-            })
-            .collect();
-        fixes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        fixes.dedup_by(|a, b| a.0 == b.0);
-        let mut p = [0.0; 2];
-        let mut path = Path {
-            t: Vec::new(),
-            p: Vec::new(),
-            interval: median_interval(fixes.iter().map(|f| f.0)),
-        };
-        for (i, (t, at)) in fixes.iter().enumerate() {
-            if i > 0 {
-                let d = fixes[i - 1].1.offset_to(at);
-                p = [p[0] + d.x, p[1] + d.y];
-            }
-            path.t.push(*t);
-            path.p.push(p);
-        }
-        path
-    }
-}
-
-fn median_interval(stamps: impl Iterator<Item = f64> + Clone) -> f64 {
-    let mut d: Vec<f64> = stamps
-        .clone()
-        .skip(1)
-        .zip(stamps)
-        .map(|(b, a)| b - a)
-        .collect();
-    median(&mut d)
-}
-
-/// Horizontal velocity as a cubic between fixes, with its integral.
-struct Track {
-    t: Vec<f64>,
-    v: Vec<[f64; 2]>,
-    slope: Vec<[f64; 2]>,
-    integral: Vec<[f64; 2]>,
-    /// Holes before each fix, counted from the first.
-    holes: Vec<u32>,
-    interval: f64,
-}
-
-impl Track {
-    fn new(samples: &[Sample], zero: Time) -> Self {
-        let mut fixes: Vec<(f64, [f64; 2])> = samples
-            .iter()
-            .filter_map(|s| match s {
-                Sample::GnssVelocity(v) => {
-                    Some((v.time.since(zero), [v.velocity_n.x, v.velocity_n.y]))
-                }
-                _ => None,
-            })
-            .filter(|(_, v)| v[0].is_finite() && v[1].is_finite())
-            .collect();
-        fixes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        fixes.dedup_by(|a, b| a.0 == b.0);
-        let interval = median_interval(fixes.iter().map(|f| f.0));
-        let mut track = Track {
-            t: Vec::new(),
-            v: Vec::new(),
-            slope: Vec::new(),
-            integral: Vec::new(),
-            holes: Vec::new(),
-            interval,
-        };
-        let (mut holes, mut clamped) = (0, false);
-        for (t, v) in fixes {
-            if v == [0.0, 0.0] {
-                clamped = true;
-                continue;
-            }
-            if clamped || track.t.last().is_some_and(|last| t - last > 3.0 * interval) {
-                holes += 1;
-            }
-            clamped = false;
-            track.t.push(t);
-            track.v.push(v);
-            track.holes.push(holes);
-        }
-        track.integrate();
-        track
-    }
-
-    fn integrate(&mut self) {
-        let n = self.t.len();
-        for i in 0..n {
-            // Central differences, one-sided at holes and ends.
-            let before = if i > 0 && self.holes[i - 1] == self.holes[i] {
-                i - 1
-            } else {
-                i
-            };
-            let after = if i + 1 < n && self.holes[i + 1] == self.holes[i] {
-                i + 1
-            } else {
-                i
-            };
-            let dt = self.t[after] - self.t[before];
-            let rate = |k: usize| {
-                if dt > 0.0 {
-                    (self.v[after][k] - self.v[before][k]) / dt
-                } else {
-                    0.0
-                }
-            };
-            self.slope.push([rate(0), rate(1)]);
-        }
-        let mut sum = [0.0; 2];
-        for i in 0..n {
-            if i > 0 {
-                let h = self.t[i] - self.t[i - 1];
-                for (k, s) in sum.iter_mut().enumerate() {
-                    *s += 0.5 * h * (self.v[i - 1][k] + self.v[i][k])
-                        + h * h / 12.0 * (self.slope[i - 1][k] - self.slope[i][k]);
-                }
-            }
-            self.integral.push(sum);
-        }
-    }
-
-    /// Velocity and its integral at t, which lies between two fixes.
-    fn at(&self, t: f64) -> ([f64; 2], [f64; 2]) {
-        let i = self
-            .t
-            .partition_point(|&x| x <= t)
-            .clamp(1, self.t.len() - 1)
-            - 1;
-        let h = self.t[i + 1] - self.t[i];
-        let u = (t - self.t[i]) / h;
-        let (u2, u3) = (u * u, u * u * u);
-        let u4 = u2 * u2;
-        let (mut v, mut integral) = ([0.0; 2], [0.0; 2]);
-        for k in 0..2 {
-            let (v0, v1) = (self.v[i][k], self.v[i + 1][k]);
-            let (m0, m1) = (self.slope[i][k] * h, self.slope[i + 1][k] * h);
-            // The cubic Hermite basis, and its integral.
-            v[k] = v0 * (2.0 * u3 - 3.0 * u2 + 1.0)
-                + m0 * (u3 - 2.0 * u2 + u)
-                + v1 * (3.0 * u2 - 2.0 * u3)
-                + m1 * (u3 - u2);
-            integral[k] = self.integral[i][k]
-                + h * (v0 * (0.5 * u4 - u3 + u)
-                    + m0 * (0.25 * u4 - 2.0 / 3.0 * u3 + 0.5 * u2)
-                    + v1 * (u3 - 0.5 * u4)
-                    + m1 * (0.25 * u4 - u3 / 3.0));
-        }
-        (v, integral)
-    }
-
-    /// True when the velocity is known from `from` to `to` without a hole.
-    fn covers(&self, from: f64, to: f64) -> bool {
-        let (first, last) = (
-            self.t.partition_point(|&x| x <= from),
-            self.t.partition_point(|&x| x < to),
-        );
-        first > 0 && last < self.t.len() && self.holes[first - 1] == self.holes[last]
     }
 }
 
@@ -313,11 +137,11 @@ fn spans(path: &Path, track: &Track, range: f64) -> Vec<Span> {
         }
         let (from, to) = (path.t[i], path.t[j]);
         if to - from < 1.5 * baseline + path.interval && track.covers(from - margin, to + margin) {
-            let (a, b) = (path.p[i], path.p[j]);
+            let moved = path.p[j] - path.p[i];
             out.push(Span {
                 from,
                 to,
-                moved: [b[0] - a[0], b[1] - a[1]],
+                moved: [moved.x, moved.y],
             });
         }
     }
@@ -426,6 +250,7 @@ mod tests {
     use super::*;
     use crate::earth::{Geodetic, LocalFrame};
     use crate::sample::{GnssPosition, GnssVelocity};
+    use crate::time::Time;
     use nalgebra::Vector3;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64;
