@@ -244,7 +244,7 @@ mod tests {
         let zero = Vector3::zeros();
         let sensitivity = end(zero, zero).1;
         for k in 0..3 {
-            let step = 1e-5 * Vector3::ith(k, 1.0);
+            let step: Vector3<f64> = 1e-5 * Vector3::ith(k, 1.0);
             // The estimate subtracts a bias, so that its displacement moves against it.
             let gyro = (end(-step, zero).0 - end(step, zero).0) / 2e-5;
             let accel = (end(zero, -step).0 - end(zero, step).0) / 2e-5;
