@@ -1,6 +1,6 @@
 //! The arguments as a whole: one verb, one format.
 
-use crate::command::{Compare, Run};
+use crate::command::{Compare, Convert, Demo, Info, Run};
 use crate::failure::Failure;
 use crate::output::{Format, Output};
 use clap::{Parser, Subcommand};
@@ -28,7 +28,10 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
     Run(Run),
+    Info(Info),
     Compare(Compare),
+    Convert(Convert),
+    Demo(Demo),
 }
 
 impl Verb {
@@ -36,7 +39,10 @@ impl Verb {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         match self {
             Verb::Run(verb) => verb.run(output),
+            Verb::Info(verb) => verb.run(output),
             Verb::Compare(verb) => verb.run(output),
+            Verb::Convert(verb) => verb.run(output),
+            Verb::Demo(verb) => verb.run(output),
         }
     }
 }

@@ -1,9 +1,15 @@
 //! One file per verb.
 
 mod compare;
+mod convert;
+mod demo;
+mod info;
 mod log_flags;
 mod run;
 mod settings_flags;
 
 pub(crate) use compare::Compare;
+pub(crate) use convert::Convert;
+pub(crate) use demo::{Demo, DemoReport};
+pub(crate) use info::{Info, LogReport, RunPreview, TopicReport};
 pub(crate) use run::{Outcome, Run};

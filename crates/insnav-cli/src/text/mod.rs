@@ -1,9 +1,13 @@
 //! Reports as text that a person understands.
 
 mod comparison;
+mod demo_report;
+mod log_report;
 mod run_summary;
 
 pub(crate) use comparison::{comparison, table};
+pub(crate) use demo_report::demo_report;
+pub(crate) use log_report::log_report;
 pub(crate) use run_summary::run_summary;
 
 /// `label` in a column, then the text; further lines of the text are indented to it.

@@ -126,9 +126,7 @@ fn imu(r: &RunReport) -> String {
         short(z)
     );
     if r.imu_grade_picked {
-        format!(
-            "{grade} grade, assumed; to state it: [imu] grade = \"{grade}\"\n{arm}"
-        )
+        format!("{grade} grade, assumed; to state it: [imu] grade = \"{grade}\"\n{arm}")
     } else {
         format!("{grade} grade; {arm}")
     }

@@ -1,0 +1,237 @@
+//! `insnav convert`: between the common CSV, logs and trajectories.
+
+use super::log_flags::{Axes, LogFlags};
+use crate::failure::Failure;
+use crate::output::Output;
+use clap::Args;
+use insnav_core::config::Config;
+use insnav_core::time::Time;
+use insnav_log::convert::{
+    ConvertOptions, CsvInputs, csv_to_mcap, is_solution, mcap_to_csv, solution_to_csv,
+    solution_to_tum,
+};
+use insnav_log::{ImuAxes, Log, LogWriterOptions};
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Convert: common CSV to a log, a log to common CSV, a solution to a TUM trajectory or CSV
+///
+/// What is meant follows from the input and the ending of the output: a folder with imu.csv (and gnss.csv), or an imu.csv
+/// itself, becomes a log OUT.mcap; a log becomes a folder OUT with imu.csv.gz and gnss.csv.gz; a solution becomes OUT.tum or
+/// OUT.csv.
+#[derive(Args, Debug)]
+pub(crate) struct Convert {
+    /// A folder of common CSV, an imu.csv, a log, or a solution
+    input: PathBuf,
+
+    /// Where to write
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+
+    /// The gnss.csv, when the input is an imu.csv
+    #[arg(long, value_name = "FILE")]
+    gnss: Option<PathBuf>,
+
+    /// Axes of the CSV's inertial data
+    #[arg(long, value_enum, default_value = "frd", value_name = "AXES")]
+    axes: Axes,
+
+    /// Unix time of t_s = 0 in the CSV, s
+    #[arg(
+        long,
+        value_name = "UNIX_S",
+        default_value_t = 1_600_000_000.0,
+        allow_hyphen_values = true
+    )]
+    t0: f64,
+
+    /// Antenna from the IMU, forward,right,down in metres, to be written into the log as a static transform
+    #[arg(long, value_name = "F,R,D", value_parser = vector, allow_hyphen_values = true)]
+    lever_arm_b_m: Option<Metres>,
+
+    /// Overwrite the output
+    #[arg(long)]
+    force: bool,
+
+    #[command(flatten)]
+    reading: LogFlags,
+}
+
+/// Three lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Metres(Vector3<f64>);
+
+fn vector(text: &str) -> Result<Metres, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|x| x.trim().parse().ok())
+        .filter(|x: &f64| x.is_finite())
+        .collect();
+    match numbers[..] {
+        [x, y, z] if text.split(',').count() == 3 => Ok(Metres(Vector3::new(x, y, z))),
+        _ => Err("three numbers are needed, such as 0.3,-0.4,-1.2".into()),
+    }
+}
+
+/// What was converted.
+#[derive(Debug, Default, Serialize)]
+struct Converted {
+    input: PathBuf,
+    outputs: Vec<PathBuf>,
+    imu_samples: Option<u64>,
+    gnss_positions: Option<u64>,
+    gnss_velocities: Option<u64>,
+    epochs: Option<usize>,
+    ignored: Vec<String>,
+}
+
+impl Convert {
+    pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        let converted = self.convert()?;
+        output.result(&converted, || summary(&converted));
+        Ok(0)
+    }
+
+    fn convert(&self) -> Result<Converted, Failure> {
+        let ending = ending(&self.output);
+        if self.input.is_dir() || matches!(self::ending(&self.input).as_str(), "csv") {
+            if ending != "mcap" {
+                return Err(Failure::usage(
+                    format!("{}: CSV is converted to a log only", self.output.display()),
+                    "give the output the ending .mcap",
+                ));
+            }
+            return self.to_log();
+        }
+        let mut converted = Converted {
+            input: self.input.clone(),
+            ..Converted::default()
+        };
+        if is_solution(&self.input)? {
+            converted.epochs = Some(match ending.as_str() {
+                "tum" => solution_to_tum(&self.input, &self.output, self.force)?,
+                "csv" => solution_to_csv(&self.input, &self.output, self.force)?,
+                _ => {
+                    return Err(Failure::usage(
+                        format!(
+                            "{}: a solution is converted to a TUM trajectory or to CSV",
+                            self.output.display()
+                        ),
+                        "give the output the ending .tum, .csv or .csv.gz",
+                    ));
+                }
+            });
+            converted.outputs.push(self.output.clone());
+            return Ok(converted);
+        }
+        let log = Log::open(&self.input, self.reading.options(&Config::default()))?;
+        log.require(insnav_log::Role::Imu)?;
+        if !ending.is_empty() {
+            return Err(Failure::usage(
+                format!(
+                    "{}: a log is converted to a folder of CSV",
+                    self.output.display()
+                ),
+                "give the name of a folder, without an ending (the input is a recording, not a solution of `run`)",
+            ));
+        }
+        let summary = mcap_to_csv(&log, &self.output, self.force)?;
+        converted.outputs = summary.outputs;
+        converted.imu_samples = Some(summary.imu);
+        converted.gnss_positions = Some(summary.gnss_position);
+        converted.gnss_velocities = Some(summary.gnss_velocity);
+        converted.ignored = summary.ignored;
+        Ok(converted)
+    }
+
+    fn to_log(&self) -> Result<Converted, Failure> {
+        let mut inputs = if self.input.is_dir() {
+            CsvInputs::in_folder(&self.input)?
+        } else {
+            CsvInputs {
+                imu: self.input.clone(),
+                gnss: None,
+            }
+        };
+        if self.gnss.is_some() {
+            inputs.gnss.clone_from(&self.gnss);
+        }
+        let options = ConvertOptions {
+            t0: Time::from_seconds(self.t0),
+            axes: match self.axes {
+                Axes::Frd => ImuAxes::Frd,
+                Axes::Flu => ImuAxes::Flu,
+            },
+            writer: LogWriterOptions {
+                force: self.force,
+                lever_arm_b: self.lever_arm_b_m.map(|m| m.0),
+                ..LogWriterOptions::default()
+            },
+        };
+        let summary = csv_to_mcap(&inputs, &self.output, &options)?;
+        Ok(Converted {
+            input: self.input.clone(),
+            outputs: summary.outputs,
+            imu_samples: Some(summary.imu),
+            gnss_positions: Some(summary.gnss_position),
+            gnss_velocities: Some(summary.gnss_velocity),
+            epochs: None,
+            ignored: summary.ignored,
+        })
+    }
+}
+
+/// The ending that tells the kind of a file, that of the packed file if it is gzip.
+fn ending(path: &Path) -> String {
+    let lower = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    if lower == "gz" {
+        ending(&path.with_extension(""))
+    } else {
+        lower
+    }
+}
+
+fn summary(c: &Converted) -> String {
+    let outputs: Vec<String> = c.outputs.iter().map(|p| p.display().to_string()).collect();
+    let mut text = format!("{} → {}\n", c.input.display(), outputs.join(", "));
+    if let (Some(imu), Some(p), Some(v)) = (c.imu_samples, c.gnss_positions, c.gnss_velocities) {
+        text.push_str(&format!(
+            "  {imu} inertial samples, {p} positions, {v} velocities\n"
+        ));
+    }
+    if let Some(epochs) = c.epochs {
+        text.push_str(&format!("  {epochs} epochs\n"));
+    }
+    if !c.ignored.is_empty() {
+        text.push_str(&format!("  not converted: {}\n", c.ignored.join(", ")));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endings() {
+        assert_eq!(ending(Path::new("a/imu.csv.gz")), "csv");
+        assert_eq!(ending(Path::new("a/x.insnav.MCAP")), "mcap");
+        assert_eq!(ending(Path::new("a/folder")), "");
+    }
+
+    #[test]
+    fn vectors() {
+        assert_eq!(
+            vector("0.3,-0.4,-1.2"),
+            Ok(Metres(Vector3::new(0.3, -0.4, -1.2)))
+        );
+        for wrong in ["1,2", "1,2,x", "1,2,3,4", "1,2,nan"] {
+            assert!(vector(wrong).is_err(), "{wrong}");
+        }
+    }
+}

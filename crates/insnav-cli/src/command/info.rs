@@ -1,0 +1,214 @@
+//! `insnav info`: what a log holds, what looks wrong in it, and what `run` would do with it.
+
+use super::log_flags::LogFlags;
+use super::settings_flags::SettingsFlags;
+use crate::failure::{Failure, WARNED};
+use crate::output::Output;
+use crate::text;
+use clap::Args;
+use insnav_core::time::Time;
+use insnav_log::{
+    Choice, Estimate, Log, METADATA_NAME, Plan, Role, RunOptions, TopicInfo, TopicStatistics,
+    Warning, config_text,
+};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Look at a log: topics, rates, gaps, clocks, stops, what looks wrong, and what `run` would use
+#[derive(Args, Debug)]
+pub(crate) struct Info {
+    /// The log, MCAP with ROS 2 messages
+    log: PathBuf,
+
+    #[command(flatten)]
+    settings: SettingsFlags,
+
+    #[command(flatten)]
+    reading: LogFlags,
+
+    /// End with code 3 when there are warnings about the data
+    #[arg(long)]
+    strict: bool,
+}
+
+/// What is known of a log.
+#[derive(Debug, Serialize)]
+pub(crate) struct LogReport {
+    pub(crate) input: PathBuf,
+    pub(crate) profile: String,
+    pub(crate) library: String,
+    pub(crate) indexed: bool,
+    pub(crate) begin_unix_s: Option<f64>,
+    pub(crate) duration_s: Option<f64>,
+    pub(crate) topics: Vec<TopicReport>,
+    pub(crate) metadata: BTreeMap<String, String>,
+    /// What `run` would do; absent when it could not.
+    pub(crate) run: Option<RunPreview>,
+    /// Why `run` could not.
+    pub(crate) problem: Option<Failure>,
+    pub(crate) warnings: Vec<Warning>,
+}
+
+/// One topic.
+#[derive(Debug, Serialize)]
+pub(crate) struct TopicReport {
+    pub(crate) name: String,
+    pub(crate) schema: String,
+    pub(crate) encoding: String,
+    pub(crate) count: u64,
+    pub(crate) role: Option<&'static str>,
+    pub(crate) rate_hz: Option<f64>,
+    pub(crate) jitter_s: Option<f64>,
+    pub(crate) interval_max_s: Option<f64>,
+    pub(crate) gaps: Vec<Span>,
+    pub(crate) duplicates: u64,
+    pub(crate) backward_steps: u64,
+    pub(crate) unstamped: u64,
+    pub(crate) not_finite: u64,
+    pub(crate) no_fix: u64,
+    pub(crate) zero_position: u64,
+    pub(crate) header_minus_log_s: Option<MeanAndRange>,
+}
+
+/// A stretch of time, s from the log's origin.
+#[derive(Debug, Serialize)]
+pub(crate) struct Span {
+    pub(crate) begin_s: f64,
+    pub(crate) end_s: f64,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct MeanAndRange {
+    pub(crate) mean: f64,
+    pub(crate) min: f64,
+    pub(crate) max: f64,
+}
+
+/// What `run` would use.
+#[derive(Debug, Serialize)]
+pub(crate) struct RunPreview {
+    pub(crate) imu_samples: usize,
+    pub(crate) gnss_positions: usize,
+    pub(crate) gnss_velocities: usize,
+    pub(crate) time_offset_s: Option<Estimate>,
+    pub(crate) gnss_velocity_lag_s: Option<Estimate>,
+    pub(crate) stops: Vec<Span>,
+    pub(crate) imu_grade: &'static str,
+    pub(crate) imu_grade_picked: bool,
+    pub(crate) lever_arm_b_m: [f64; 3],
+    pub(crate) config: String,
+}
+
+impl Info {
+    pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        let config = self.settings.load()?;
+        let log = Log::open(&self.log, self.reading.options(&config))?;
+        let origin = log
+            .t0()?
+            .or(log.time_range().map(|(first, _)| first))
+            .unwrap_or_default();
+        let (run, problem, warnings) = match Plan::make(&log, &config, &RunOptions::default()) {
+            Ok(plan) => (Some(preview(&plan)), None, plan.warnings),
+            Err(error) => (None, Some(Failure::from(error)), Vec::new()),
+        };
+        let (profile, library) = log.written_by();
+        let range = log.time_range();
+        let report = LogReport {
+            input: self.log.clone(),
+            profile: profile.to_owned(),
+            library: library.to_owned(),
+            indexed: log.is_indexed(),
+            begin_unix_s: range.map(|(first, _)| first.seconds()),
+            duration_s: range.map(|(first, last)| last.since(first)),
+            topics: topics(&log, origin)?,
+            metadata: log.metadata(METADATA_NAME).cloned().unwrap_or_default(),
+            run,
+            problem,
+            warnings,
+        };
+        output.result(&report, || text::log_report(&report));
+        output.warnings(&report.warnings);
+        Ok(
+            if self.strict && !(report.warnings.is_empty() && report.problem.is_none()) {
+                WARNED
+            } else {
+                0
+            },
+        )
+    }
+}
+
+fn preview(plan: &Plan) -> RunPreview {
+    let span = |begin: Time, end: Time| Span {
+        begin_s: begin.since(plan.origin),
+        end_s: end.since(plan.origin),
+    };
+    RunPreview {
+        imu_samples: plan.survey.imu_samples,
+        gnss_positions: plan.survey.positions.len(),
+        gnss_velocities: plan.survey.velocities.len(),
+        time_offset_s: plan.clocks.offset_found,
+        gnss_velocity_lag_s: plan.clocks.lag_found,
+        stops: plan
+            .survey
+            .stops
+            .iter()
+            .map(|s| span(s.begin, s.end))
+            .collect(),
+        imu_grade: plan.grade.name(),
+        imu_grade_picked: plan.grade_picked,
+        lever_arm_b_m: plan.config.gnss.lever_arm_b_m.unwrap_or_default(),
+        config: config_text(&plan.config),
+    }
+}
+
+fn topics(log: &Log, origin: Time) -> Result<Vec<TopicReport>, Failure> {
+    let statistics = log.statistics()?;
+    let report = |(index, (topic, s)): (usize, (&TopicInfo, TopicStatistics))| TopicReport {
+        name: topic.name.clone(),
+        schema: topic.schema.clone(),
+        encoding: topic.encoding.clone(),
+        count: topic.count,
+        role: role_of(log, index),
+        rate_hz: s.rate_hz.or(topic.rate_hz),
+        jitter_s: s.jitter_s,
+        interval_max_s: s.interval_max_s,
+        gaps: s
+            .gaps
+            .iter()
+            .map(|(a, b)| Span {
+                begin_s: a.since(origin),
+                end_s: b.since(origin),
+            })
+            .collect(),
+        duplicates: s.duplicates,
+        backward_steps: s.backward_steps,
+        unstamped: s.unstamped,
+        not_finite: s.not_finite,
+        no_fix: s.no_fix,
+        zero_position: s.zero_position,
+        header_minus_log_s: s.header_minus_log_s.map(|h| MeanAndRange {
+            mean: h.mean,
+            min: h.min,
+            max: h.max,
+        }),
+    };
+    Ok(log
+        .topics()
+        .iter()
+        .zip(statistics)
+        .enumerate()
+        .map(report)
+        .collect())
+}
+
+/// The part a topic plays, or could play if it were chosen.
+fn role_of(log: &Log, index: usize) -> Option<&'static str> {
+    Role::ALL
+        .into_iter()
+        .find_map(|role| match log.selected().choice(role) {
+            Choice::Topic(i) if *i == index => Some(role.key()),
+            _ => None,
+        })
+}

@@ -1,0 +1,147 @@
+//! What a log holds, on one screen.
+
+use super::{entry, plural, short, span};
+use crate::command::{LogReport, RunPreview, TopicReport};
+use insnav_log::Estimate;
+
+/// The report of `info`.
+pub(crate) fn log_report(r: &LogReport) -> String {
+    let mut text = format!(
+        "{}: {}, written by {}{}{}\n",
+        r.input.display(),
+        if r.profile.is_empty() {
+            "no profile"
+        } else {
+            &r.profile
+        },
+        if r.library.is_empty() {
+            "an unnamed library"
+        } else {
+            &r.library
+        },
+        r.duration_s
+            .map_or(String::new(), |s| format!(", {}", span(s))),
+        if r.indexed {
+            ""
+        } else {
+            "; no index, read as a stream"
+        }
+    );
+    let width = |of: fn(&TopicReport) -> usize| r.topics.iter().map(of).max().unwrap_or(0);
+    let (name, schema) = (width(|t| t.name.len()), width(|t| t.schema.len()));
+    for t in &r.topics {
+        let rate = t.rate_hz.map_or("–".to_owned(), |hz| format!("{hz:.1} Hz"));
+        text.push_str(&format!(
+            "  {:<13} {:<name$}  {:<schema$}  {:>8}  {rate:>9}{}\n",
+            t.role.unwrap_or(""),
+            t.name,
+            t.schema,
+            t.count,
+            irregularities(t)
+        ));
+    }
+    match (&r.run, &r.problem) {
+        (Some(run), _) => text.push_str(&preview(run)),
+        (None, Some(problem)) => {
+            text.push_str(&format!(
+                "run would fail: {}\n  remedy: {}\n",
+                problem.message, problem.remedy
+            ));
+        }
+        (None, None) => {}
+    }
+    text
+}
+
+fn irregularities(t: &TopicReport) -> String {
+    let mut parts = Vec::new();
+    if let Some(jitter) = t.jitter_s.filter(|_| t.role.is_some()) {
+        parts.push(format!("jitter {} ms", short(1e3 * jitter)));
+    }
+    if !t.gaps.is_empty() {
+        let longest = t
+            .gaps
+            .iter()
+            .map(|g| g.end_s - g.begin_s)
+            .fold(0.0, f64::max);
+        parts.push(format!(
+            "{}, longest {} s",
+            plural(t.gaps.len(), "gap"),
+            short(longest)
+        ));
+    }
+    for (count, what) in [
+        (t.duplicates, "duplicate stamps"),
+        (t.backward_steps, "backward steps"),
+        (t.unstamped, "without stamp"),
+        (t.not_finite, "not finite"),
+        (t.no_fix, "without fix"),
+        (t.zero_position, "at (0, 0)"),
+    ] {
+        if count > 0 {
+            parts.push(format!("{count} {what}"));
+        }
+    }
+    if let Some(h) = t
+        .header_minus_log_s
+        .as_ref()
+        .filter(|h| h.min.abs().max(h.max.abs()) > 0.001 && t.role.is_some())
+    {
+        parts.push(format!(
+            "header − log time {} s ({} to {})",
+            short(h.mean),
+            short(h.min),
+            short(h.max)
+        ));
+    }
+    if parts.is_empty() {
+        String::new()
+    } else {
+        format!("  {}", parts.join("; "))
+    }
+}
+
+fn preview(run: &RunPreview) -> String {
+    let mut text = String::from("run would use\n");
+    let mut add = |label, line: String| text.push_str(&entry(label, &line));
+    add(
+        "samples",
+        format!(
+            "{} inertial, {} positions, {} velocities",
+            run.imu_samples, run.gnss_positions, run.gnss_velocities
+        ),
+    );
+    let estimate = |e: &Option<Estimate>| match e {
+        Some(Estimate {
+            value,
+            sigma: Some(sigma),
+        }) => format!("{value:.4} ± {sigma:.4} s"),
+        _ => "not observable".to_owned(),
+    };
+    add(
+        "clocks",
+        format!(
+            "by the data, to be added to IMU stamps: {}; GNSS velocity behind its position: {}",
+            estimate(&run.time_offset_s),
+            estimate(&run.gnss_velocity_lag_s)
+        ),
+    );
+    let stops: Vec<String> = run
+        .stops
+        .iter()
+        .map(|s| format!("{:.1}–{:.1} s", s.begin_s, s.end_s))
+        .collect();
+    add(
+        "stops",
+        if stops.is_empty() {
+            "none seen in GNSS velocity".into()
+        } else {
+            stops.join(", ")
+        },
+    );
+    add(
+        "settings",
+        format!("as follows (a file for -c)\n{}", run.config.trim_end()),
+    );
+    text
+}
