@@ -1,7 +1,7 @@
 //! The ROS 2 messages that are read and written, one file per message.
 //!
 //! A decoded message borrows its strings from the bytes it was read from. Values are as on the wire: ROS axes (ENU,
-//! forward-left-up) and units; what they mean to the navigator is decided in [`crate::samples`] and [`crate::sink`].
+//! forward-left-up) and units; what they mean to the navigator is decided by [`crate::Samples`] and [`crate::McapSink`].
 
 mod diagnostics;
 mod header;
