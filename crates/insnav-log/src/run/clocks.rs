@@ -5,7 +5,7 @@ use super::execute::is_withheld;
 use super::plan::Plan;
 use super::report::{Estimate, Warning};
 use super::source::Source;
-use insnav_core::clock_offset::{ClockOffset, Search, velocity_lag};
+use insnav_core::clock_offset::{ClockOffset, Search, imu_offset, velocity_lag};
 use insnav_core::config::Config;
 use insnav_core::sample::Sample;
 
@@ -45,12 +45,16 @@ pub(super) fn find_clocks(
             samples.push(sample);
         }
     }
-    let lag = velocity_lag(&samples, &Search::default()).ok();
+    let search = Search::default();
+    let lever_arm_b = plan.config.gnss.lever_arm_b_m.unwrap_or_default().into();
+    let offset = imu_offset(&samples, &lever_arm_b, &search).ok();
+    let lag = velocity_lag(&samples, &search).ok();
     let estimate = |c: ClockOffset| Estimate {
         value: c.value,
         sigma: Some(c.sigma),
     };
     Ok(Clocks {
+        offset_found: offset.map(estimate),
         lag_found: lag.map(estimate),
         ..Clocks::default()
     })
