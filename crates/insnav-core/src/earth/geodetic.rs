@@ -2,6 +2,7 @@
 
 use super::ellipsoid::{ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
 use super::ellipsoid::{meridian_radius, transverse_radius};
+use crate::attitude::wrap_angle;
 #[cfg(not(feature = "std"))]
 use nalgebra::{ComplexField, RealField};
 use nalgebra::{Matrix3, Vector3};
@@ -33,9 +34,9 @@ impl Geodetic {
         self.latitude.to_degrees()
     }
 
-    /// Longitude in degrees.
+    /// Longitude in degrees, in (−180, 180]: inside, a way across the date line simply goes on beyond ±π.
     pub fn longitude_deg(&self) -> f64 {
-        self.longitude.to_degrees()
+        wrap_angle(self.longitude).to_degrees()
     }
 
     /// Earth-centred Earth-fixed position, m ([Groves13] eq. 2.112).
@@ -215,6 +216,16 @@ mod tests {
             let ned = Vector3::new(n, e, d);
             prop_assert!((frame.to_ned(&frame.to_geodetic(&ned)) - ned).norm() < 1e-7);
         }
+    }
+
+    #[test]
+    fn longitude_in_degrees_stays_on_the_map() {
+        let at = |longitude_deg| Geodetic::from_degrees(10.0, longitude_deg, 0.0).longitude_deg();
+        assert!((at(180.25) + 179.75).abs() < 1e-12);
+        assert!((at(-190.0) - 170.0).abs() < 1e-12);
+        // What is on it already is not touched.
+        assert_eq!(at(14.4), 14.4f64.to_radians().to_degrees());
+        assert_eq!(at(180.0), 180.0);
     }
 
     #[test]

@@ -173,7 +173,7 @@ impl Trajectory {
     /// Build the motion of a drive.
     ///
     /// # Errors
-    /// [`Error::Config`] if a number of the drive is not finite, a duration not positive, the start beyond 85° of latitude,
+    /// [`crate::error::Error::Config`] if a number of the drive is not finite, a duration not positive, the start beyond 85° of latitude,
     /// or the slope beyond 80°; also when there is no leg.
     pub fn new(drive: &Drive) -> Result<Self> {
         drive.check()?;
