@@ -33,7 +33,7 @@ pub struct ImuNoise {
 
 /// Class of an inertial unit, where no data sheet is given.
 ///
-/// Round numbers from the middle of the classes of [Groves13] table 4.1. The bias is one stationary process for both the
+/// Round numbers from the middle of the classes of \[Groves13\] table 4.1. The bias is one stationary process for both the
 /// unknown constant at power-on and its wander: the sigma is that of power-on, the long correlation time gives a wander of
 /// `sigma √(2/τ)` per root second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

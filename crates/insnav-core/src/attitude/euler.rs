@@ -30,12 +30,12 @@ impl Euler {
         }
     }
 
-    /// The rotation q_nb ([Groves13] eq. 2.22 transposed).
+    /// The rotation q_nb (\[Groves13\] eq. 2.22 transposed).
     pub fn to_quaternion(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::from_euler_angles(self.roll, self.pitch, self.heading)
     }
 
-    /// The angles of q_nb ([Groves13] eq. 2.23).
+    /// The angles of q_nb (\[Groves13\] eq. 2.23).
     pub fn from_quaternion(q_nb: &UnitQuaternion<f64>) -> Self {
         let c = q_nb.to_rotation_matrix();
         let c = c.matrix();

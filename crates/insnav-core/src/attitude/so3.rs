@@ -45,7 +45,7 @@ pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
 /// The left Jacobian of SO(3), J(r) = ∫₀¹ Exp(s r) ds.
 ///
 /// With constant rate and constant body-frame force, the velocity gained over an interval, resolved in the axes at its
-/// begin, is J(α) ν: [Savage98b] eq. 19 and 20 keep its series to the third order, ν + ½ α×ν + ⅙ α×(α×ν).
+/// begin, is J(α) ν: \[Savage98b\] eq. 19 and 20 keep its series to the third order, ν + ½ α×ν + ⅙ α×(α×ν).
 pub fn left_jacobian(r: &Vector3<f64>) -> Matrix3<f64> {
     let x = r.norm_squared();
     // (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series in x = θ².

@@ -25,7 +25,7 @@ const GRID: f64 = 0.05;
 /// p + v t + C S(t − offset) + ½ g t², S being the twice integrated specific force in the axes of the begin: a
 /// least-squares problem in p, v, C and the biases that needs neither alignment nor filter nor any vehicle model.
 /// Their summed misfit over the offset, each stretch having a noise level of its own, is searched on a grid and then by
-/// Gauss–Newton. The sigma is that of the stretches' scatter (sandwich estimate, [White82]) and is widened by what other
+/// Gauss–Newton. The sigma is that of the stretches' scatter (sandwich estimate, \[White82\]) and is widened by what other
 /// minima the misfit has; attitude, biases and position noise have been refitted everywhere. Lengths of 5, 10 and 20 s
 /// are tried and the one with the least sigma is told.
 ///
@@ -199,7 +199,7 @@ fn profile(window: &Window, grid: &[f64]) -> Vec<Solution> {
 
 /// Variance of the sum of the gradients, neighbours being allowed to correlate.
 ///
-/// Each is taken as if its stretch had been left out of the estimate ([MacKinnonWhite85], HC3): a lively stretch pulls the
+/// Each is taken as if its stretch had been left out of the estimate (\[MacKinnonWhite85\], HC3): a lively stretch pulls the
 /// offset towards its own and would seem to fit better than it does.
 fn scatter(slopes: &[Slope]) -> f64 {
     let information = sum(slopes, |s| s.information);

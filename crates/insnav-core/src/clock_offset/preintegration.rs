@@ -98,7 +98,7 @@ impl Steps {
 }
 
 /// Attitude, velocity and displacement of a point of the body relative to the axes in which the body began, by inertial
-/// samples alone: with gravity g and the initial state p, v, C it is p(t) = p + v t + C S(t) + ½ g t² ([Forster17] sec. VI,
+/// samples alone: with gravity g and the initial state p, v, C it is p(t) = p + v t + C S(t) + ½ g t² (\[Forster17\] sec. VI,
 /// with the bias sensitivities to first order).
 pub(super) struct Preintegrated {
     t: Vec<f64>,

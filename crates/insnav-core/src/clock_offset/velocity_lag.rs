@@ -10,7 +10,7 @@ use crate::sample::Sample;
 /// Short spans drown in position noise, long ones in the drift of the integrated velocity. On three real receivers (4 and
 /// 10 Hz, RTK, differential and stand-alone) the estimate moves by less than its sigma between 0.5 and 4 s.
 const BASELINE: f64 = 1.0;
-/// The lags that the variance of the score takes in (Bartlett window, [NeweyWest87]), s: coloured noise correlates spans.
+/// The lags that the variance of the score takes in (Bartlett window, \[NeweyWest87\]), s: coloured noise correlates spans.
 const CORRELATION_SPAN: f64 = 6.0;
 /// [Huber64]: 95 % efficient on normal noise.
 const HUBER: f64 = 1.345;
@@ -228,7 +228,7 @@ fn residual(track: &Track, span: &Span, lag: f64) -> ([f64; 2], [f64; 2]) {
     )
 }
 
-/// Variance of the sum of the scores, with their autocovariance ([NeweyWest87] eq. 5), spans being in the order of time.
+/// Variance of the sum of the scores, with their autocovariance (\[NeweyWest87\] eq. 5), spans being in the order of time.
 fn long_run_variance(score: &[f64], spans: &[Span]) -> f64 {
     let interval = median_interval(spans.iter().map(|s| s.from)).max(1e-3);
     let lags = ((CORRELATION_SPAN / interval) as usize).clamp(1, score.len() / 4);

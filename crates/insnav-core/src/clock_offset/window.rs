@@ -220,7 +220,7 @@ impl<'a> AtOffset<'a> {
         out
     }
 
-    /// Attitude by the best rotation of the displacements onto the fixes ([Markley88]), biases zero.
+    /// Attitude by the best rotation of the displacements onto the fixes (\[Markley88\]), biases zero.
     fn start(&self) -> Solution {
         let mut s = self.displacement.clone();
         self.window.line.take_out(&mut s);

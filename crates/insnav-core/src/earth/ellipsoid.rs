@@ -3,25 +3,25 @@
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 
-/// Semi-major axis a, m ([WGS84] table 3.1).
+/// Semi-major axis a, m (\[WGS84\] table 3.1).
 pub const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
-/// Flattening f ([WGS84] table 3.1).
+/// Flattening f (\[WGS84\] table 3.1).
 pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// Semi-minor axis b = a (1 − f), m.
 pub const SEMI_MINOR_AXIS: f64 = SEMI_MAJOR_AXIS * (1.0 - FLATTENING);
 /// First eccentricity squared e² = f (2 − f).
 pub const ECCENTRICITY_SQUARED: f64 = FLATTENING * (2.0 - FLATTENING);
-/// Rate of the Earth against inertial space ω_ie, rad/s ([WGS84] table 3.1).
+/// Rate of the Earth against inertial space ω_ie, rad/s (\[WGS84\] table 3.1).
 pub const EARTH_RATE: f64 = 7.292_115e-5;
 
-/// Radius of curvature in the meridian M at a geodetic latitude (rad), m ([Groves13] eq. 2.105).
+/// Radius of curvature in the meridian M at a geodetic latitude (rad), m (\[Groves13\] eq. 2.105).
 pub fn meridian_radius(latitude: f64) -> f64 {
     let s = latitude.sin();
     let w2 = 1.0 - ECCENTRICITY_SQUARED * s * s;
     SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) / (w2 * w2.sqrt())
 }
 
-/// Radius of curvature in the prime vertical N at a geodetic latitude (rad), m ([Groves13] eq. 2.106).
+/// Radius of curvature in the prime vertical N at a geodetic latitude (rad), m (\[Groves13\] eq. 2.106).
 pub fn transverse_radius(latitude: f64) -> f64 {
     let s = latitude.sin();
     SEMI_MAJOR_AXIS / (1.0 - ECCENTRICITY_SQUARED * s * s).sqrt()

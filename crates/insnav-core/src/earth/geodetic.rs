@@ -39,7 +39,7 @@ impl Geodetic {
         wrap_angle(self.longitude).to_degrees()
     }
 
-    /// Earth-centred Earth-fixed position, m ([Groves13] eq. 2.112).
+    /// Earth-centred Earth-fixed position, m (\[Groves13\] eq. 2.112).
     pub fn to_ecef(&self) -> Vector3<f64> {
         let (sl, cl) = self.latitude.sin_cos();
         let (so, co) = self.longitude.sin_cos();
@@ -52,7 +52,7 @@ impl Geodetic {
         )
     }
 
-    /// From an Earth-centred Earth-fixed position, m: Bowring's formula, repeated twice ([Bowring76]).
+    /// From an Earth-centred Earth-fixed position, m: Bowring's formula, repeated twice (\[Bowring76\]).
     ///
     /// Good to some nanometres from −10 km to 10 000 km of height. Within 50 km of the Earth's centre more than one latitude
     /// fits, and what comes out may fail [`Geodetic::is_valid`].

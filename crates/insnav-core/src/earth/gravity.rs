@@ -5,16 +5,16 @@ use super::geodetic::Geodetic;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 
-/// Normal gravity on the equator, m/s² ([WGS84] table 3.4).
+/// Normal gravity on the equator, m/s² (\[WGS84\] table 3.4).
 const EQUATORIAL_GRAVITY: f64 = 9.780_325_335_9;
-/// Somigliana's constant k ([WGS84] table 3.4).
+/// Somigliana's constant k (\[WGS84\] table 3.4).
 const SOMIGLIANA: f64 = 1.931_852_652_41e-3;
-/// m = ω² a² b / GM ([WGS84] table 3.4).
+/// m = ω² a² b / GM (\[WGS84\] table 3.4).
 const CENTRIFUGAL_RATIO: f64 = 3.449_786_506_84e-3;
 
 /// Magnitude of normal gravity (gravitation plus centrifugal acceleration, along Down), m/s².
 ///
-/// Somigliana's closed formula on the ellipsoid and its second-order continuation in height ([WGS84] eq. 4-1 and 4-3).
+/// Somigliana's closed formula on the ellipsoid and its second-order continuation in height (\[WGS84\] eq. 4-1 and 4-3).
 /// Against the closed form of the normal field the continuation is off by 0.7 µm/s² at 10 km and 1.5 µm/s² at 20 km; real
 /// gravity differs from normal gravity by up to about 1 mm/s².
 pub fn gravity(at: &Geodetic) -> f64 {

@@ -7,13 +7,13 @@ use super::gravity;
 use nalgebra::ComplexField;
 use nalgebra::Vector3;
 
-/// Rate of the Earth against inertial space, ω_ie resolved in n, rad/s ([Groves13] eq. 2.123).
+/// Rate of the Earth against inertial space, ω_ie resolved in n, rad/s (\[Groves13\] eq. 2.123).
 pub fn earth_rate_n(latitude: f64) -> Vector3<f64> {
     let (s, c) = latitude.sin_cos();
     Vector3::new(EARTH_RATE * c, 0.0, -EARTH_RATE * s)
 }
 
-/// Turn rate of the navigation frame as the body moves over the Earth, ω_en resolved in n, rad/s ([Groves13] eq. 5.44).
+/// Turn rate of the navigation frame as the body moves over the Earth, ω_en resolved in n, rad/s (\[Groves13\] eq. 5.44).
 ///
 /// Grows without bound towards the poles; callers stay below 89°.
 pub fn transport_rate_n(at: &Geodetic, velocity_n: &Vector3<f64>) -> Vector3<f64> {

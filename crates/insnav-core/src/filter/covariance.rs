@@ -340,7 +340,7 @@ impl Covariance {
     /// Move one state with all its covariances into a block of its own, leaving zero behind: P ← T P Tᵀ. A block that is
     /// open already gains what is moved.
     ///
-    /// The total, the two together, is unchanged; [`Covariance::merge`] is the exact way back ([Kozadaev17] eq. 9–12 with the
+    /// The total, the two together, is unchanged; [`Covariance::merge`] is the exact way back (\[Kozadaev17\] eq. 9–12 with the
     /// cross-covariances kept).
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 //! φ'   = −ω_in × φ − dω_in − C db_g
 //! db'  = −db/τ + noise
 //! ```
-//! with `true = estimate ⊞ dx` ([Shin05] eq. 2.19 to 2.28 with the signs turned). dω and dg are the changes of the rates and
+//! with `true = estimate ⊞ dx` (\[Shin05\] eq. 2.19 to 2.28 with the signs turned). dω and dg are the changes of the rates and
 //! of gravity with position and velocity errors, all of them.
 
 use super::layout::{ACCEL_BIAS, ATTITUDE, GYRO_BIAS, Layout, POSITION, VELOCITY};
@@ -98,7 +98,7 @@ impl Jacobians {
 /// Fill Φ and Q of the base states for one interval.
 ///
 /// First order in dt within each block. Q is diagonal: white noise on velocity and attitude, the exact Gauss–Markov step on
-/// the biases. Against Van Loan's exact sigmas ([VanLoan78]) after one second of 100 Hz steps: from P = 0, position is short
+/// the biases. Against Van Loan's exact sigmas (\[VanLoan78\]) after one second of 100 Hz steps: from P = 0, position is short
 /// by 0.8 %, velocity by 0.05 %, attitude by 0.002 %; from the uncertainty of any real start, all are within 0.01 %
 /// (tests/process_noise.rs).
 pub fn fill_base(phi: &mut Transition, layout: &Layout, interval: &Interval, noise: &ImuNoise) {

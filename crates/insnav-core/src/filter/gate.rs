@@ -3,7 +3,7 @@
 use super::update::Verdict;
 use serde::{Deserialize, Serialize};
 
-/// Chi-square quantiles at 1 − 1e-4 for 1, 2 and 3 degrees of freedom ([Abramowitz64] 26.4).
+/// Chi-square quantiles at 1 − 1e-4 for 1, 2 and 3 degrees of freedom (\[Abramowitz64\] 26.4).
 const ONE_IN_TEN_THOUSAND: [f64; 3] = [15.136_7, 18.420_7, 21.107_5];
 
 /// A chi-square gate with a way back: after too long without an accepted measurement it lets the next ones in with their

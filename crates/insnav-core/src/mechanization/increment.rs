@@ -58,7 +58,7 @@ impl Increment {
 /// Turns inertial samples, one after the other, into [`Increment`]s.
 ///
 /// Rates are taken as instantaneous and linear in between. The corrections are the two-sample ones: coning
-/// ½∫α×dα ([Savage98a] eq. 47 and following) and sculling ½∫(α×dν − dα×ν) ([Savage98b] eq. 21 and following), each exact
+/// ½∫α×dα (\[Savage98a\] eq. 47 and following) and sculling ½∫(α×dν − dα×ν) (\[Savage98b\] eq. 21 and following), each exact
 /// for motion that is linear in time over the two intervals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IncrementBuilder {

@@ -38,7 +38,7 @@ pub struct Interval {
 impl NavState {
     /// Move over one increment (sensor errors already taken out).
     ///
-    /// NED mechanization ([Groves13] section 5.4, [Savage98b]): the velocity gain is rotated by the whole left Jacobian of the
+    /// NED mechanization (\[Groves13\] section 5.4, \[Savage98b\]): the velocity gain is rotated by the whole left Jacobian of the
     /// rotation, gravity, Coriolis and both frame rates are taken in the middle of the interval. Stays below 89° of latitude.
     pub fn advance(&mut self, increment: &Increment) -> Interval {
         let dt = increment.dt;
@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// A resting body believed to move north oscillates with T = 2π √(M/g) ([Groves13] section 5.7.2, Schuler). On the equator,
+    /// A resting body believed to move north oscillates with T = 2π √(M/g) (\[Groves13\] section 5.7.2, Schuler). On the equator,
     /// where the Foucault turn vanishes; the height is held, as its own instability would mix in.
     #[test]
     fn wrong_velocity_oscillates_with_schulers_period() {

@@ -104,7 +104,7 @@ fn normalised(error: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<Normali
 }
 
 /// Mean normalised estimation error squared, per degree of freedom: 1 for a solution whose covariance is right,
-/// larger for one that is too sure of itself ([BarShalom01] section 5.4.2).
+/// larger for one that is too sure of itself (\[BarShalom01\] section 5.4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Nees {
     /// Of the position.

@@ -1,4 +1,4 @@
-//! Orientation errors as the BROAD benchmark defines them ([Laidig21] section 4.3).
+//! Orientation errors as the BROAD benchmark defines them (\[Laidig21\] section 4.3).
 
 use super::errors::rms;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};

@@ -120,7 +120,7 @@ impl GnssModel {
     }
 }
 
-/// Antenna velocity over ground, NED at the IMU: v + C (ω_ib × l) − ω_ie × C l ([Groves13] section 14.3.1).
+/// Antenna velocity over ground, NED at the IMU: v + C (ω_ib × l) − ω_ie × C l (\[Groves13\] section 14.3.1).
 fn antenna_velocity_n(k: &Kinematics, lever_arm_b: &Vector3<f64>) -> Vector3<f64> {
     let earth_rate_n = LocalEarth::at(&k.nav.position).earth_rate_n();
     k.nav.velocity_n + k.nav.q_nb * k.angular_rate_b.cross(lever_arm_b)

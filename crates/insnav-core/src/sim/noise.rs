@@ -74,7 +74,7 @@ impl Source {
     }
 }
 
-/// Output function of SplitMix64 ([Steele14]), increment included.
+/// Output function of SplitMix64 (\[Steele14\]), increment included.
 fn spread(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -4,7 +4,7 @@ use core::f64::consts::PI;
 
 /// Nodes and weights of the `N`-point Gauss–Legendre rule on [−1, 1]: exact for polynomials of degree 2N − 1.
 ///
-/// Newton's method on P_N from the asymptotic zeros ([Abramowitz64] 25.4.29 and 22.16.6).
+/// Newton's method on P_N from the asymptotic zeros (\[Abramowitz64\] 25.4.29 and 22.16.6).
 pub(super) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     core::array::from_fn(|i| {
         let mut x = -(PI * (i as f64 + 0.75) / (N as f64 + 0.5)).cos();
