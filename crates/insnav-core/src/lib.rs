@@ -1,4 +1,14 @@
-//! The navigation core of insnav.
+//! The navigation core of insnav: inertial samples and GNSS fixes in, position, velocity and attitude with their covariance out.
+//!
+//! Start at [`navigator::Navigator`]: give it [`sample::Sample`]s one by one, take [`solution::Epoch`]s at a [`solution::Sink`]. The
+//! parts below it are usable alone: geodesy ([`earth`]), rotations ([`attitude`]), strapdown integration ([`mechanization`]), the
+//! error-state filter and its covariance kernel ([`filter`]).
+//!
+//! What it does not do: read or write files, print, ask the time, start threads, or use GNSS raw data (it is loosely coupled: positions
+//! and velocities as a receiver gives them).
+//!
+//! Frames are north-east-down and forward-right-down, units SI and radians, `true = estimate ⊞ dx`. Without the default feature `std`
+//! the crate is `no_std` (choose `libm`), allocates nothing, and begins at a known state ([`navigator::Navigator::aligned`]).
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod alignment;
