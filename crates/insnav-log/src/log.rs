@@ -261,7 +261,8 @@ impl Log {
         Ok(())
     }
 
-    /// Whether messages of a topic begin with a `std_msgs/Header`.
+    /// Whether messages of a topic begin with a `std_msgs/Header`: by their definition, or by their name where the definition
+    /// is in another language (`ros2idl`).
     pub(crate) fn is_stamped(&self, topic: usize) -> bool {
         let topic = &self.topics[topic];
         topic.encoding == "cdr"
@@ -271,7 +272,10 @@ impl Log {
                     .channels
                     .get(id)
                     .and_then(|c| self.contents.schemas.get(&c.schema));
-                schema.is_some_and(|schema| schema.stamped)
+                schema.is_some_and(|schema| {
+                    let known = Role::ALL.iter().filter(|role| **role != Role::Tf);
+                    schema.stamped || known.flat_map(|r| r.schemas()).any(|s| *s == schema.name)
+                })
             })
     }
 

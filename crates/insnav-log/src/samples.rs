@@ -261,7 +261,8 @@ pub(crate) fn gnss_position(
     time: Time,
     geoid_height_m: f64,
 ) -> Result<GnssPosition, Unusable> {
-    if fix.status < 0 {
+    // −2, "not yet set" of later definitions, is the default of drivers that never set it: the numbers decide.
+    if fix.status == -1 {
         return Err(Unusable::NoFix);
     }
     let position = Geodetic::from_degrees(

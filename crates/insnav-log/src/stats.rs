@@ -1,6 +1,6 @@
 //! How regular the topics of a log are: rate, jitter, gaps, duplicates, backward steps, header stamp against log time.
 
-use crate::cdr::CdrReader;
+use crate::cdr::{CdrError, CdrReader};
 use crate::error::LogError;
 use crate::log::Log;
 use crate::ros2::{Decode, Header, Imu, NavSatFix, TwistStamped};
@@ -41,6 +41,8 @@ pub struct TopicStatistics {
     pub header_minus_log_s: Option<Spread>,
     /// Messages whose header stamp is zero: the driver never set it.
     pub unstamped: u64,
+    /// Messages whose bytes are not what their type says.
+    pub undecodable: u64,
     /// Messages with NaN or infinity where a sensor's numbers are.
     pub not_finite: u64,
     /// Positions for which the receiver says that it has no fix.
@@ -118,34 +120,42 @@ impl Log {
         while let Some(message) = messages.next() {
             let message = message?;
             let index = by_channel[usize::from(message.channel)];
-            topics[index]
-                .add(message.data, message.log_time)
-                .map_err(|source| self.undecodable(index, &message, source))?;
+            let topic = &mut topics[index];
+            if topic.add(message.data, message.log_time).is_err() {
+                topic.statistics.undecodable += 1;
+            }
         }
         Ok(topics.into_iter().map(Collected::finish).collect())
     }
 }
 
 impl Collected {
-    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), crate::cdr::CdrError> {
-        let mut time = log_time;
-        if self.stamped {
-            let stamp = Header::read(&mut CdrReader::new(data)?)?.stamp;
-            if stamp.0 == 0 {
-                self.statistics.unstamped += 1;
-            } else {
-                time = stamp;
-                let offset = stamp.since(log_time);
-                (self.offset_min, self.offset_max) = if self.offsets == 0 {
-                    (offset, offset)
-                } else {
-                    (self.offset_min.min(offset), self.offset_max.max(offset))
-                };
-                self.offset_sum += offset;
-                self.offsets += 1;
-            }
-        }
+    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), CdrError> {
+        let stamp = match self.stamped {
+            true => CdrReader::new(data).and_then(|mut from| Header::read(&mut from)),
+            false => Ok(Header::default()),
+        };
+        let stamp = stamp.map(|header| header.stamp);
+        let time = match stamp {
+            Ok(stamp) if stamp.0 != 0 => stamp,
+            _ => log_time,
+        };
         self.times.push(time.0);
+        if !self.stamped {
+            return Ok(());
+        }
+        if stamp?.0 == 0 {
+            self.statistics.unstamped += 1;
+        } else {
+            let offset = time.since(log_time);
+            (self.offset_min, self.offset_max) = if self.offsets == 0 {
+                (offset, offset)
+            } else {
+                (self.offset_min.min(offset), self.offset_max.max(offset))
+            };
+            self.offset_sum += offset;
+            self.offsets += 1;
+        }
         let statistics = &mut self.statistics;
         match self.content {
             Content::Other => {}

@@ -275,13 +275,16 @@ mod damage {
     use proptest::prelude::*;
 
     /// A small file with compressed and plain chunks' worth of structure: two topics, metadata, summary.
-    fn small_file(compression: Option<mcap::Compression>) -> Vec<u8> {
+    fn small_file(compression: Option<mcap::Compression>, checksums: bool) -> Vec<u8> {
         let mut file = std::io::Cursor::new(Vec::new());
         {
             let mut writer = mcap::WriteOptions::new()
                 .compression(compression)
                 .compression_threads(0)
                 .chunk_size(Some(300))
+                .calculate_chunk_crcs(checksums)
+                .calculate_data_section_crc(checksums)
+                .calculate_summary_section_crc(checksums)
                 .create(&mut file)
                 .unwrap();
             let schema = writer
@@ -327,7 +330,7 @@ mod damage {
             Some(mcap::Compression::Zstd),
             Some(mcap::Compression::Lz4),
         ] {
-            let whole = small_file(compression);
+            let whole = small_file(compression, true);
             for length in 0..whole.len() {
                 let prefix = whole[..length].to_vec();
                 assert!(
@@ -342,9 +345,9 @@ mod damage {
     proptest! {
         #[test]
         fn no_corruption_makes_it_panic(
-            kind in 0usize..3, places in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 1..8)
+            kind in 0usize..3, checksums in any::<bool>(), places in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 1..8)
         ) {
-            let mut bytes = small_file([None, Some(mcap::Compression::Zstd), Some(mcap::Compression::Lz4)][kind]);
+            let mut bytes = small_file([None, Some(mcap::Compression::Zstd), Some(mcap::Compression::Lz4)][kind], checksums);
             for (place, value) in places {
                 let at = place.index(bytes.len());
                 bytes[at] = value;

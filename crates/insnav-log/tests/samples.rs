@@ -287,6 +287,26 @@ fn big_endian_messages_read_the_same() {
 }
 
 #[test]
+fn definitions_in_idl_serve_as_well() {
+    let mut recorder = Recorder::new();
+    let idl = b"================\nIDL: sensor_msgs/msg/Imu\nmodule sensor_msgs { module msg { struct Imu {}; }; };";
+    let schema = recorder
+        .writer
+        .add_schema("sensor_msgs/msg/Imu", "ros2idl", idl)
+        .unwrap();
+    let id = recorder
+        .writer
+        .add_channel(schema, "/imu", "cdr", &BTreeMap::new())
+        .unwrap();
+    recorder.channels.insert("/imu".into(), id);
+    recorder.imu("/imu", T0 + 5, T0);
+    let log = recorder.open(ReadOptions::default()).unwrap();
+    assert_eq!(times(&log), [T0]);
+    let offset = log.statistics().unwrap()[0].header_minus_log_s.unwrap();
+    assert_eq!((offset.mean, offset.min, offset.max), (-5e-9, -5e-9, -5e-9));
+}
+
+#[test]
 fn fixes_that_are_none_are_dropped_and_counted() {
     let mut recorder = Recorder::new();
     recorder.imu("/imu", T0, T0);
@@ -296,7 +316,10 @@ fn fixes_that_are_none_are_dropped_and_counted() {
         (fix.latitude_deg, fix.longitude_deg) = (0.0, 0.0)
     });
     recorder.fix(T0 + 4, |fix| fix.latitude_deg = 91.0);
-    recorder.fix(T0 + 5, |fix| fix.position_covariance = [1.0; 9]); // Type "unknown": numbers without meaning.
+    recorder.fix(T0 + 5, |fix| {
+        fix.status = -2; // Not set by the driver: no reason to drop.
+        fix.position_covariance = [1.0; 9]; // Type "unknown": numbers without meaning.
+    });
     recorder.fix(T0 + 6, |fix| {
         fix.position_covariance_type = CovarianceType::Known;
         fix.position_covariance = [4.0, 1.0, 2.0, 1.0, 9.0, 3.0, 2.0, 3.0, 16.0];
@@ -530,14 +553,12 @@ fn a_damaged_message_is_named_by_file_topic_and_time() {
     let mut recorder = Recorder::new();
     recorder.imu("/imu", T0, T0);
     recorder.raw("/imu", T0 + SECOND, &[0, 1, 0, 0, 1, 2, 3]);
-    let error = recorder
-        .open(ReadOptions::default())
-        .unwrap()
-        .samples()
-        .unwrap()
-        .find_map(Result::err)
-        .unwrap();
+    let log = recorder.open(ReadOptions::default()).unwrap();
+    let error = log.samples().unwrap().find_map(Result::err).unwrap();
     assert_eq!(error.code(), "bad_message");
+    // The statistics go on: they are what one looks at to find out.
+    let statistics = &log.statistics().unwrap()[0];
+    assert_eq!((statistics.count, statistics.undecodable), (2, 1));
     let text = error.to_string();
     assert!(
         text.starts_with(

@@ -12,6 +12,8 @@ pub struct Table {
     path: PathBuf,
     header: Vec<String>,
     columns: Vec<Vec<f64>>,
+    /// Line of each row in the file, from 1.
+    lines: Vec<usize>,
 }
 
 impl Table {
@@ -27,6 +29,7 @@ impl Table {
             path: path.into(),
             header: Vec::new(),
             columns: Vec::new(),
+            lines: Vec::new(),
         };
         while read_line(&mut *lines, &mut line, path)? {
             number += 1;
@@ -43,6 +46,7 @@ impl Table {
                 table.columns = vec![Vec::new(); table.header.len()];
             } else {
                 table.push(text, number)?;
+                table.lines.push(number);
             }
         }
         Ok(table)
@@ -137,10 +141,9 @@ impl Table {
         let times = self.require(&["t_s"])?;
         match times.iter().position(|t| !t.is_finite()) {
             None => Ok(times.to_vec()),
-            // The header is the first line in every file that has neither blanks nor comments.
             Some(row) => Err(LogError::Cell {
                 path: self.path.clone(),
-                line: row + 2,
+                line: self.lines[row],
                 column: "t_s".into(),
                 reason: "a row without a time".into(),
             }),
@@ -218,5 +221,15 @@ mod tests {
             assert!(error.to_string().contains(place), "{error}");
         }
         assert!(table("t_s,a\n0,1,2\n").is_err());
+        let error = table("# made by hand\nt_s,a\n0,1\n\nnan,2\n")
+            .unwrap()
+            .times()
+            .unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains(":5: column \"t_s\": a row without a time"),
+            "{error}"
+        );
     }
 }

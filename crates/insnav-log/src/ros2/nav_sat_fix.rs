@@ -23,7 +23,7 @@ pub enum CovarianceType {
 pub struct NavSatFix<'a> {
     /// Stamp, and the frame of the antenna.
     pub header: Header<'a>,
-    /// −1 no fix, 0 fix, 1 satellite-based augmentation, 2 ground-based augmentation.
+    /// −2 not set, −1 no fix, 0 fix, 1 satellite-based augmentation, 2 ground-based augmentation.
     pub status: i8,
     /// Bits of the satellite systems in use.
     pub service: u16,
