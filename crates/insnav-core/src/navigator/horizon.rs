@@ -29,9 +29,16 @@ pub(super) enum NotTaken {
     Full,
 }
 
-/// Aiding before inertial at the same instant: an update at the end of an interval comes before that interval's epoch.
-fn order(s: &Sample) -> (Time, bool) {
-    (s.time(), s.is_inertial())
+/// Aiding before inertial at the same instant: an update at the end of an interval comes before that interval's epoch. Kinds
+/// of aiding have an order too, so that the solution does not depend on which of them arrived first.
+fn order(s: &Sample) -> (Time, u8) {
+    let kind = match s {
+        Sample::GnssPosition(_) => 0,
+        Sample::GnssVelocity(_) => 1,
+        Sample::Heading(_) => 2,
+        Sample::Imu(_) | Sample::ImuIncrement(_) => u8::MAX,
+    };
+    (s.time(), kind)
 }
 
 impl Horizon {

@@ -86,7 +86,8 @@ impl Navigator {
         Self::at_stage(config, noise, Stage::Starting(startup))
     }
 
-    /// Start at a known state, without waiting.
+    /// Start at a known state, without waiting. Inertial samples before its time only prepare the first interval; one at or
+    /// before its time must be among them, or the way from the start to the first sample is not made.
     ///
     /// # Errors
     /// `Config` for a setting outside its range.
@@ -201,63 +202,62 @@ impl Navigator {
             return Ok(());
         };
         sink.event(&Event::Started(alignment));
+        let mut outcome = Ok(());
         for sample in startup.into_samples() {
             // What came before the first inertial sample has served the alignment.
             if sample.time() >= alignment.nav.time {
-                self.admit(sample, sink)?;
+                // One bad measurement must not cost the samples behind it.
+                outcome = outcome.and(self.admit(sample, sink));
             }
         }
-        Ok(())
+        outcome
     }
 
     fn admit(&mut self, sample: Sample, sink: &mut impl Sink) -> Result<()> {
+        // Room first: it may move the tail past the sample.
+        let mut outcome = Ok(());
+        while self.horizon.is_full() {
+            if self.horizon.next_inertial(true).is_some() {
+                outcome = outcome.and(self.use_next(sink));
+            } else if let (Some(lost), Some(filter)) = (self.horizon.pop(), self.filter()) {
+                // Aiding alone fills the ring: nothing will ever use the oldest.
+                sink.event(&Event::TooLate {
+                    time: lost.time(),
+                    filter: filter.nominal().nav.time,
+                });
+            }
+        }
         let Stage::Running(filter) = &self.stage else {
             return Ok(());
         };
-        let now = filter.nominal().nav.time;
-        let time = sample.time();
+        let (time, now) = (sample.time(), filter.nominal().nav.time);
         if sample.is_inertial() {
             match self.builder.time() {
                 Some(last) if time == last => {
                     sink.event(&Event::DuplicateImu { time });
-                    return Ok(());
+                    return outcome;
                 }
-                Some(_) if time < now => {
-                    return Err(Error::ImuBackward {
-                        previous: now,
-                        time,
-                    });
+                Some(previous) if time < previous => {
+                    return outcome.and(Err(Error::ImuBackward { previous, time }));
                 }
                 _ => {}
             }
         } else if time < now {
             sink.event(&Event::TooLate { time, filter: now });
-            return Ok(());
-        }
-        while self.horizon.is_full() {
-            if self.horizon.next_inertial(true).is_none() {
-                // Aiding alone fills the ring: nothing will ever use the oldest.
-                if let Some(lost) = self.horizon.pop() {
-                    sink.event(&Event::TooLate {
-                        time: lost.time(),
-                        filter: now,
-                    });
-                }
-            } else {
-                self.use_next(sink)?;
-            }
+            return outcome;
         }
         if self.horizon.push(sample) == Err(NotTaken::Duplicate) {
             sink.event(&Event::DuplicateImu { time });
         }
-        self.drain(false, sink)
+        outcome.and(self.drain(false, sink))
     }
 
     fn drain(&mut self, flush: bool, sink: &mut impl Sink) -> Result<()> {
+        let mut outcome = Ok(());
         while self.horizon.next_inertial(flush).is_some() {
-            self.use_next(sink)?;
+            outcome = outcome.and(self.use_next(sink));
         }
-        Ok(())
+        outcome
     }
 
     /// Move over one inertial interval, stopping at the aiding inside it.
@@ -270,6 +270,11 @@ impl Navigator {
         };
         let last = self.builder.time();
         let mut rest = build(&mut self.builder, &next);
+        // A start between two samples: what lies before it has no part in the run.
+        let now = filter.nominal().nav.time;
+        if last.is_some_and(|last| last < now) {
+            rest = rest.map(|whole| whole.split_at(now).1);
+        }
         if let (Some(from), Some(increment)) = (last, &rest)
             && increment.dt > GAP
         {
@@ -305,7 +310,7 @@ impl Navigator {
         if let Some(increment) = rest {
             filter.propagate(&increment);
         }
-        if sink.wants_epoch(next.time()) {
+        if next.time() >= now && sink.wants_epoch(next.time()) {
             sink.epoch(&epoch(filter, self.speed.motion()));
         }
         failed.map_or(Ok(()), Err)
