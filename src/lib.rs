@@ -7,3 +7,8 @@ pub use insnav_core::*;
 
 #[cfg(feature = "log")]
 pub use insnav_log as log;
+
+/// The examples of the README, compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
