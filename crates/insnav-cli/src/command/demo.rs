@@ -117,11 +117,13 @@ impl Demo {
     }
 }
 
-/// The ready scenario without its coloured position error: the filter takes the errors of fixes as independent, so with it
-/// the stated uncertainty would be too small, and the demonstration would show that instead of the navigation.
+/// The ready scenario, changed where this program does not follow yet: without a coloured position error, since the filter
+/// takes the errors of fixes as independent and would state too small an uncertainty; and with a velocity quieter than
+/// 0.1 m/s, the GNSS speed by which it sees stops.
 fn scenario() -> Scenario {
     let mut scenario = Scenario::demo();
     scenario.gnss.position_colour_sigma_m = [0.0; 3];
+    scenario.gnss.velocity_sigma_m_per_s = [0.03, 0.03, 0.06];
     scenario
 }
 

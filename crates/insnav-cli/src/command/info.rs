@@ -150,12 +150,7 @@ fn preview(plan: &Plan) -> RunPreview {
         gnss_velocities: plan.survey.velocities.len(),
         time_offset_s: plan.clocks.offset_found,
         gnss_velocity_lag_s: plan.clocks.lag_found,
-        stops: plan
-            .survey
-            .stops
-            .iter()
-            .map(|s| span(s.begin, s.end))
-            .collect(),
+        stops: plan.stops().iter().map(|s| span(s.begin, s.end)).collect(),
         imu_grade: plan.grade.name(),
         imu_grade_picked: plan.grade_picked,
         lever_arm_b_m: plan.config.gnss.lever_arm_b_m.unwrap_or_default(),

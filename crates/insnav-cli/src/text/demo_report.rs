@@ -24,7 +24,7 @@ pub(crate) fn demo_report(d: &DemoReport) -> String {
              (position {} m, velocity {} m/s, {:.1} % outliers, none at all in {})",
             span(s.duration_s),
             way(r.distance_m),
-            plural(r.stops.len(), "stop"),
+            plural(d.comparison.stops.len(), "stop"),
             s.imu.rate_hz,
             s.gnss.position_rate_hz,
             short(s.gnss.position_sigma_m[0]),

@@ -160,8 +160,8 @@ pub fn compare(
         course: options
             .course
             .then(|| heading_minus_course(track, &reference, options.velocity_lag)),
-        stops: stop_delays(track, &reference, options.origin),
-        false_standing_s: false_standing_s(track, &reference),
+        stops: stop_delays(track, &reference, options.origin, options.velocity_lag),
+        false_standing_s: false_standing_s(track, &reference, options.velocity_lag),
         orientation: orientation(&pairs),
     }
 }

@@ -75,15 +75,22 @@ impl StopFinder {
     }
 }
 
-/// The stops of a reference, each with the delay of the solution's first standing instant in it.
-pub fn stop_delays(track: &Track, reference: &[ReferencePoint], origin: Time) -> Vec<DetectedStop> {
+/// The stops of a reference, each with the delay of the solution's first standing instant in it, from its begin or from that
+/// of the solution if it is later. `lag` (s) is how far the stamp of a reference velocity is behind its instant.
+pub fn stop_delays(
+    track: &Track,
+    reference: &[ReferencePoint],
+    origin: Time,
+    lag: f64,
+) -> Vec<DetectedStop> {
     let mut finder = StopFinder::default();
     for r in reference {
         if let Some(standing) = r.standing() {
-            finder.push(r.time, standing);
+            finder.push(r.time.plus(-lag), standing);
         }
     }
     let points = track.points();
+    let begin = points.first().map_or(Time(i64::MIN), |p| p.time);
     finder
         .finish()
         .into_iter()
@@ -95,18 +102,20 @@ pub fn stop_delays(track: &Track, reference: &[ReferencePoint], origin: Time) ->
                 .find(|p| p.stationary == Some(true));
             DetectedStop {
                 reference_begin_s: stop.begin.since(origin),
-                delay_s: seen.map(|p| p.time.since(stop.begin)),
+                delay_s: seen.map(|p| p.time.since(stop.begin.max(begin))),
             }
         })
         .collect()
 }
 
 /// Seconds for which the solution says "standing" while the reference moves; `None` when either never says.
-pub fn false_standing_s(track: &Track, reference: &[ReferencePoint]) -> Option<f64> {
+/// `lag` as in [`stop_delays`].
+pub fn false_standing_s(track: &Track, reference: &[ReferencePoint], lag: f64) -> Option<f64> {
     let mut total = None;
     for pair in reference.windows(2) {
         let dt = pair[1].time.since(pair[0].time);
-        let (Some(standing), Some(at)) = (pair[0].standing(), track.at(pair[0].time)) else {
+        let (Some(standing), Some(at)) = (pair[0].standing(), track.at(pair[0].time.plus(-lag)))
+        else {
             continue;
         };
         let Some(said) = at.stationary else { continue };
@@ -189,15 +198,18 @@ mod tests {
                 })
                 .collect(),
         );
-        let stops = stop_delays(&track, &reference(), at(5.0));
+        let stops = stop_delays(&track, &reference(), at(5.0), 0.0);
         assert_eq!(stops.len(), 1);
         assert!((stops[0].reference_begin_s - 5.0).abs() < 1e-9);
         assert!((stops[0].delay_s.unwrap() - 1.0).abs() < 1e-9);
+        let late = stop_delays(&track, &reference(), at(5.0), 0.4);
+        assert!((late[0].reference_begin_s - 4.6).abs() < 1e-9, "{late:?}");
+        assert!((late[0].delay_s.unwrap() - 1.4).abs() < 1e-9, "{late:?}");
         // 20.1 to 22.0 s in steps of 0.1 s, and the flicker at 15 s.
-        let wrong = false_standing_s(&track, &reference()).unwrap();
+        let wrong = false_standing_s(&track, &reference(), 0.0).unwrap();
         assert!((wrong - 2.1).abs() < 1e-6, "{wrong}");
         assert_eq!(
-            false_standing_s(&Track::new(Vec::new()), &reference()),
+            false_standing_s(&Track::new(Vec::new()), &reference(), 0.0),
             None
         );
     }

@@ -8,6 +8,7 @@ use super::source::Source;
 use insnav_core::clock_offset::{ClockOffset, Search, imu_offset, velocity_lag};
 use insnav_core::config::Config;
 use insnav_core::sample::Sample;
+use nalgebra::Vector3;
 
 /// What is known of the clocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,17 +46,18 @@ pub(super) fn find_clocks(
             samples.push(sample);
         }
     }
+    let lever_arm_b = Vector3::from(plan.config.gnss.lever_arm_b_m.unwrap_or_default());
     let search = Search::default();
-    let lever_arm_b = plan.config.gnss.lever_arm_b_m.unwrap_or_default().into();
-    let offset = imu_offset(&samples, &lever_arm_b, &search).ok();
-    let lag = velocity_lag(&samples, &search).ok();
     let estimate = |c: ClockOffset| Estimate {
         value: c.value,
         sigma: Some(c.sigma),
     };
+    // What cannot be observed is no failure of the run: it stays as the settings have it.
     Ok(Clocks {
-        offset_found: offset.map(estimate),
-        lag_found: lag.map(estimate),
+        offset_found: imu_offset(&samples, &lever_arm_b, &search)
+            .ok()
+            .map(estimate),
+        lag_found: velocity_lag(&samples, &search).ok().map(estimate),
         ..Clocks::default()
     })
 }
@@ -71,6 +73,37 @@ impl Clocks {
         if let Some(lag) = self.lag_used {
             config.gnss.velocity_lag_s = lag.value;
         }
+    }
+
+    /// What was asked for and could not be found.
+    pub(super) fn not_observable(&self, has_velocity: bool) -> Vec<Warning> {
+        let mut found = Vec::new();
+        let mut missing = |code, what: &str, key: &str| {
+            found.push(Warning {
+                code,
+                message: format!(
+                    "{what} is not observable in this log and is left as the settings have it"
+                ),
+                remedy: format!(
+                    "give it as {key}, from a log of the same setup with turns and changes of speed"
+                ),
+            });
+        };
+        if self.offset_used.is_none() {
+            missing(
+                "time_offset_unknown",
+                "the offset of the IMU's clock",
+                "gnss.time_offset_s",
+            );
+        }
+        if self.lag_used.is_none() && has_velocity {
+            missing(
+                "velocity_lag_unknown",
+                "the lag of GNSS velocity",
+                "gnss.velocity_lag_s",
+            );
+        }
+        found
     }
 
     /// Where the data contradict the settings by more than chance.
@@ -98,7 +131,7 @@ impl Clocks {
         };
         compare(
             "time_offset",
-            "the IMU's stamps are before the clock of GNSS positions",
+            "the IMU's stamps are behind the clock of GNSS positions",
             "gnss.time_offset_s",
             self.offset_found,
             config.gnss.time_offset_s,

@@ -29,7 +29,7 @@ impl Plan {
         let mut navigator = Navigator::new(&self.config, self.noise())?;
         let mut withheld = 0;
         let mut imu_samples = 0;
-        let mut tally = Tally::new(sink, self.origin, &self.survey.stops);
+        let mut tally = Tally::new(sink, self.origin, &self.stops());
         for sample in source.samples()? {
             let sample = sample?;
             imu_samples += usize::from(sample.is_inertial());

@@ -12,6 +12,7 @@ use crate::{SinkOptions, config_text};
 use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
+use insnav_core::metrics::Stop;
 use insnav_core::time::Time;
 use std::time::Instant;
 
@@ -103,6 +104,16 @@ impl Plan {
         self.config.noise.over(self.grade)
     }
 
+    /// Stops, by GNSS speed below 0.1 m/s, at the instants at which the velocities were valid.
+    pub fn stops(&self) -> Vec<Stop> {
+        let lag = self.config.gnss.velocity_lag_s;
+        let moved = |s: &Stop| Stop {
+            begin: s.begin.plus(-lag),
+            end: s.end.plus(-lag),
+        };
+        self.survey.stops.iter().map(moved).collect()
+    }
+
     /// How to write the solution: rate and point as the settings say, the map around the first fix unless they name another
     /// origin; the settings, the origin of time and what was withheld go into the metadata.
     pub fn sink_options(&self) -> SinkOptions {
@@ -137,6 +148,8 @@ impl Plan {
     fn take_clocks(&mut self, mut clocks: Clocks, auto: bool) {
         if auto {
             clocks.use_what_was_found(&mut self.config);
+            let has_velocity = !self.survey.velocities.is_empty();
+            self.warnings.extend(clocks.not_observable(has_velocity));
         } else {
             self.warnings.extend(clocks.differences(&self.config));
         }

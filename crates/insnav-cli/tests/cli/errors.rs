@@ -1,0 +1,289 @@
+//! Everything that can be wrong with a log or a command is said with its place and its remedy.
+
+use crate::fixture::{
+    Folder, Raw, drive, insnav, insnav_json, recordings, rewrite, shift_stamp, write_log,
+};
+use insnav_core::sample::Sample;
+
+fn only(kind: fn(&Sample) -> bool) -> Vec<Sample> {
+    drive().samples.iter().copied().filter(kind).collect()
+}
+
+#[test]
+fn no_imu_topic_lists_what_there_is() {
+    let folder = Folder::new();
+    write_log(&folder.path("drive.mcap"), &only(|s| !s.is_inertial()));
+    let (message, remedy) =
+        insnav_json(["run", &folder.text("drive.mcap")]).failed(1, "no_imu_topic");
+    for part in ["drive.mcap", "/gps/fix", "sensor_msgs/msg/NavSatFix", "Hz"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    assert!(remedy.contains("--topic imu="), "{remedy}");
+    assert_eq!(folder.names(), ["drive.mcap"], "nothing is left behind");
+}
+
+#[test]
+fn no_gnss_topic() {
+    let folder = Folder::new();
+    write_log(&folder.path("drive.mcap"), &only(Sample::is_inertial));
+    let (message, remedy) =
+        insnav_json(["run", &folder.text("drive.mcap")]).failed(1, "no_gnss_topic");
+    assert!(message.contains("/imu/data"), "{message}");
+    assert!(remedy.contains("--topic gnss="), "{remedy}");
+}
+
+#[test]
+fn two_candidates_come_with_a_flag_to_paste_each() {
+    let folder = Folder::with_drive();
+    rewrite(&folder.path("drive.mcap"), &folder.path("two.mcap"), |m| {
+        if m.topic != "/imu/data" {
+            return vec![m];
+        }
+        let other = Raw {
+            topic: "/imu/raw".into(),
+            log_time: m.log_time,
+            data: m.data.clone(),
+        };
+        vec![m, other]
+    });
+    let (_, remedy) = insnav_json(["run", &folder.text("two.mcap")]).failed(1, "ambiguous_topic");
+    for flag in ["--topic imu=/imu/data", "--topic imu=/imu/raw"] {
+        assert!(remedy.contains(flag), "{remedy}");
+    }
+    // What was offered works.
+    let done = insnav(["run", &folder.text("two.mcap"), "--topic", "imu=/imu/raw"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    insnav_json([
+        "run",
+        &folder.text("two.mcap"),
+        "--topic",
+        "imu=/imu/other",
+        "--force",
+    ])
+    .failed(1, "unknown_topic");
+}
+
+#[test]
+fn an_unknown_setting_is_refused_with_the_nearest() {
+    let folder = Folder::with_drive();
+    std::fs::write(folder.path("car.toml"), "[gnss]\nlever_arm = [0, 0, 0]\n").unwrap();
+    let done = insnav_json([
+        "run",
+        &folder.text("drive.mcap"),
+        "-c",
+        &folder.text("car.toml"),
+    ]);
+    let (message, remedy) = done.failed(1, "unknown_config_key");
+    assert!(
+        message.contains("car.toml") && message.contains("gnss.lever_arm"),
+        "{message}"
+    );
+    assert!(remedy.contains("gnss.lever_arm_b_m"), "{remedy}");
+    let done = insnav_json([
+        "run",
+        &folder.text("drive.mcap"),
+        "--set",
+        "imu.grad=tactical",
+    ]);
+    assert!(done.failed(1, "unknown_config_key").1.contains("imu.grade"));
+    let done = insnav_json([
+        "run",
+        &folder.text("drive.mcap"),
+        "--set",
+        "gnss.sigma_scale=-1",
+    ]);
+    assert!(done.failed(1, "bad_config_value").0.contains("sigma_scale"));
+    insnav_json([
+        "run",
+        &folder.text("drive.mcap"),
+        "-c",
+        &folder.text("no.toml"),
+    ])
+    .failed(1, "config_not_readable");
+}
+
+/// All inertial samples for which `bad` says so become NaN.
+fn with_nan(bad: impl Fn(usize) -> bool) -> Vec<Sample> {
+    let mut samples = drive().samples.clone();
+    let inertial = samples.iter_mut().filter_map(|s| {
+        if let Sample::Imu(imu) = s {
+            Some(imu)
+        } else {
+            None
+        }
+    });
+    for (_, imu) in inertial.enumerate().filter(|(i, _)| bad(*i)) {
+        imu.angular_rate_b.y = f64::NAN;
+    }
+    samples
+}
+
+#[test]
+fn some_nan_samples_are_left_out_and_counted() {
+    let folder = Folder::new();
+    write_log(&folder.path("drive.mcap"), &with_nan(|i| i % 1000 == 500));
+    let done = insnav_json(["run", &folder.text("drive.mcap"), "--strict"]);
+    assert_eq!(done.code, 3, "warnings under --strict: {}", done.stderr);
+    let json = done.json();
+    let warning = json["warnings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|w| w["code"] == "not_finite")
+        .expect("a warning");
+    assert!(
+        warning["message"].as_str().unwrap().contains("12 samples"),
+        "{warning}"
+    );
+    assert!(
+        json["final"]["sigma_horizontal_m"]
+            .as_f64()
+            .unwrap()
+            .is_finite()
+    );
+}
+
+#[test]
+fn nan_in_most_samples_is_an_error() {
+    let folder = Folder::new();
+    write_log(&folder.path("drive.mcap"), &with_nan(|i| i % 10 != 0));
+    let (message, _) = insnav_json(["run", &folder.text("drive.mcap")]).failed(1, "not_finite");
+    assert!(message.contains("of 12001"), "{message}");
+}
+
+#[test]
+fn stamps_that_go_backward_name_both_times() {
+    let folder = Folder::with_drive();
+    let mut count = 0;
+    rewrite(
+        &folder.path("drive.mcap"),
+        &folder.path("jump.mcap"),
+        |mut m| {
+            count += usize::from(m.topic == "/imu/data");
+            if m.topic == "/imu/data" && count > 6000 {
+                shift_stamp(&mut m.data, -10);
+            }
+            vec![m]
+        },
+    );
+    let (message, remedy) =
+        insnav_json(["run", &folder.text("jump.mcap")]).failed(1, "backward_stamps");
+    assert!(
+        message.contains("/imu/data")
+            && message.contains("1704067250.0")
+            && message.contains("1704067258.99"),
+        "{message}"
+    );
+    assert!(remedy.contains("--time log"), "{remedy}");
+    // What was offered works.
+    let done = insnav(["run", &folder.text("jump.mcap"), "--time", "log"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+}
+
+#[test]
+fn an_output_that_cannot_be_written() {
+    let folder = Folder::with_drive();
+    let to = folder.text("no/such/folder/out.mcap");
+    let (message, _) = insnav_json(["run", &folder.text("drive.mcap"), "-o", &to])
+        .failed(1, "output_not_writable");
+    assert!(message.contains("no/such/folder"), "{message}");
+}
+
+#[test]
+fn an_output_that_exists_is_kept_without_force() {
+    let folder = Folder::with_drive();
+    std::fs::write(folder.path("drive.insnav.mcap"), "precious").unwrap();
+    let (_, remedy) = insnav_json(["run", &folder.text("drive.mcap")]).failed(1, "output_exists");
+    assert!(remedy.contains("--force"), "{remedy}");
+    assert_eq!(
+        std::fs::read_to_string(folder.path("drive.insnav.mcap")).unwrap(),
+        "precious"
+    );
+    assert_eq!(
+        insnav(["run", &folder.text("drive.mcap"), "--force"]).code,
+        0
+    );
+    assert_eq!(
+        folder.names(),
+        ["drive.insnav.mcap", "drive.mcap"],
+        "no temporary file is left"
+    );
+}
+
+#[test]
+fn something_else_than_an_mcap() {
+    let folder = Folder::new();
+    std::fs::write(folder.path("notes.mcap"), "Dear diary,").unwrap();
+    let (message, remedy) =
+        insnav_json(["run", &folder.text("notes.mcap")]).failed(1, "not_an_mcap");
+    assert!(
+        message.contains("notes.mcap") && remedy.contains("insnav convert"),
+        "{message} {remedy}"
+    );
+    insnav_json(["run", &folder.text("absent.mcap")]).failed(1, "no_such_file");
+    insnav_json(["info", &folder.text("notes.mcap")]).failed(1, "not_an_mcap");
+}
+
+#[test]
+fn wrong_usage_ends_with_two() {
+    for arguments in [
+        vec!["run"],
+        vec!["fly", "x.mcap"],
+        vec!["run", "x.mcap", "--withhold", "every:1"],
+        vec!["run", "x.mcap", "--withhold", "20:10"],
+        vec!["run", "x.mcap", "--time-offset", "soon"],
+        vec!["run", "x.mcap", "--rate", "0"],
+        vec!["run", "x.mcap", "--imu-axes", "enu"],
+        vec!["compare", "a", "b", "--max", "horizontal_rms_m"],
+        vec!["run", "-", "-o", "x.mcap", "--time-offset", "auto"],
+        vec!["run", "-"],
+    ] {
+        insnav_json(&arguments).failed(2, "usage");
+        let text = insnav(&arguments);
+        assert_eq!((text.code, text.stdout.as_str()), (2, ""), "{arguments:?}");
+        assert!(!text.stderr.is_empty());
+    }
+}
+
+#[test]
+fn colour_never_reaches_a_file() {
+    let done = insnav(["run", "absent.mcap"]);
+    assert!(
+        !done.stderr.contains('\x1b') && done.stderr.starts_with("error: "),
+        "{:?}",
+        done.stderr
+    );
+    assert_eq!(done.stdout, "");
+}
+
+/// Damaged files end in an error with a code, or in a run; never in a panic (which `insnav` here checks).
+#[test]
+fn damaged_logs_are_named_not_crashed_on() {
+    let Some(broken) = recordings("mcap_real/broken") else {
+        return;
+    };
+    let folder = Folder::new();
+    for entry in std::fs::read_dir(broken).expect("readable") {
+        let path = entry.expect("an entry").path();
+        let to = folder.text("out.mcap");
+        let done = insnav_json(["run", &path.display().to_string(), "-o", &to, "--force"]);
+        assert!(
+            [0, 1].contains(&done.code),
+            "{}: {}",
+            path.display(),
+            done.code
+        );
+        let json = done.json();
+        assert_eq!(
+            done.code == 1,
+            json["error"]["remedy"].is_string(),
+            "{json:#}"
+        );
+        println!(
+            "{}: {} {}",
+            path.display(),
+            done.code,
+            json["error"]["message"]
+        );
+    }
+}

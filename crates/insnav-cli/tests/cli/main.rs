@@ -1,0 +1,10 @@
+//! The command as a user meets it: arguments in, exit code and both streams out.
+
+mod compare;
+mod convert;
+mod demo;
+mod errors;
+mod fixture;
+mod info;
+mod real_data;
+mod run;
