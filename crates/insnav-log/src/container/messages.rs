@@ -1,6 +1,7 @@
 //! Messages in order of log time, borrowed from the file or from one reused buffer per open chunk.
 
-use super::contents::{Compression, Contents, Section, SectionKind, check_crc, cut_in_chunk};
+use super::contents::{Compression, Contents, Section, SectionKind};
+use super::integrity::{check_crc, cut_in_chunk};
 use super::records::{MessageRecord, Records, opcode};
 use crate::error::LogError;
 use insnav_core::time::Time;

@@ -6,6 +6,7 @@
 //! summary only saves decompressing them to learn the channels.
 
 mod contents;
+mod integrity;
 mod messages;
 mod records;
 mod source;

@@ -1,22 +1,31 @@
 //! The solution as an MCAP file that the common viewers open with no further work.
 
+mod decimation;
+mod diagnostics;
+mod values;
+
+pub(crate) use values::fix_message;
+
 use crate::error::LogError;
-use crate::frames::{ENU_NED, MapState, moved_to};
+use crate::frames::{MapState, moved_to};
 use crate::log::METADATA_NAME;
 use crate::mcap_writer::{ChannelHandle, Compression, McapWriter};
 use crate::ros2::{
-    CovarianceType, DiagnosticArray, DiagnosticStatus, Header, NavSatFix, Odometry, Pose,
-    PoseStamped, State, TfMessage, TransformStamped, Twist, UpdateMessage,
+    DiagnosticArray, DiagnosticStatus, Header, NavSatFix, Odometry, Pose, PoseStamped, State,
+    TfMessage, TransformStamped, Twist, UpdateMessage,
 };
 use insnav_core::earth::{Geodetic, LocalFrame};
 use insnav_core::filter::{Update, Verdict};
-use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::sample::GnssPosition;
-use insnav_core::solution::{Epoch, Motion, Sink};
+use insnav_core::solution::{Epoch, Sink};
 use insnav_core::time::Time;
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+use decimation::Decimation;
+use diagnostics::Diagnostics;
+use values::state_message;
 
 /// How to write a solution.
 #[derive(Clone, Debug, PartialEq)]
@@ -311,222 +320,10 @@ impl Sink for McapSink {
     }
 }
 
-/// Picks, at a rate, the samples nearest to an even grid.
-#[derive(Clone, Debug)]
-struct Decimation {
-    period_ns: i64,
-    due: Option<Time>,
-    last: Option<Time>,
-}
-
-impl Decimation {
-    fn new(rate_hz: f64) -> Self {
-        let period_ns = if rate_hz > 0.0 {
-            (1e9 / rate_hz) as i64
-        } else {
-            0
-        };
-        Decimation {
-            period_ns,
-            due: None,
-            last: None,
-        }
-    }
-
-    fn wants(&mut self, time: Time) -> bool {
-        if self.period_ns == 0 {
-            return true;
-        }
-        let Some(due) = self.due else {
-            self.due = Some(Time(time.0.saturating_add(self.period_ns)));
-            self.last = Some(time);
-            return true;
-        };
-        // A sample just short of its place counts: the next one would be further off.
-        let step = self.last.map_or(0, |last| time.0 - last.0);
-        self.last = Some(time);
-        if time.0.saturating_add(step / 2) < due.0 {
-            return false;
-        }
-        let late = (time.0 - due.0).max(0) / self.period_ns;
-        self.due = Some(Time(
-            due.0
-                .saturating_add(self.period_ns.saturating_mul(1 + late)),
-        ));
-        true
-    }
-}
-
-/// Counts what happened since the last report, and makes one every second.
-#[derive(Clone, Debug, Default)]
-struct Diagnostics {
-    next: Option<Time>,
-    accepted: u32,
-    inflated: u32,
-    rejected: u32,
-    last_aided: Option<Time>,
-}
-
-struct Report {
-    level: u8,
-    message: String,
-    values: Vec<(&'static str, String)>,
-}
-
-impl Diagnostics {
-    fn count(&mut self, update: &Update) {
-        match update.verdict {
-            Verdict::Accepted => self.accepted += 1,
-            Verdict::Inflated => self.inflated += 1,
-            Verdict::Rejected => self.rejected += 1,
-        }
-        if update.verdict != Verdict::Rejected && update.measurement.starts_with("gnss") {
-            self.last_aided = Some(update.time);
-        }
-    }
-
-    fn due(&mut self, epoch: &Epoch) -> Option<Report> {
-        let time = epoch.nav.time;
-        if self.next.is_some_and(|next| time < next) {
-            return None;
-        }
-        self.next = Some(Time((time.0.div_euclid(1_000_000_000) + 1) * 1_000_000_000));
-        let p = epoch.covariance.diagonal();
-        let horizontal = (p[0] + p[1]).max(0.0).sqrt();
-        let unaided = self.last_aided.map(|last| time.since(last));
-        // Receivers report at 1 Hz or faster: three seconds without one is an outage, not a slow receiver.
-        let (level, message) = match unaided {
-            Some(gap) if gap < 3.0 => (0, "aided by GNSS".to_owned()),
-            Some(gap) => (1, format!("no GNSS for {gap:.0} s, dead reckoning")),
-            None => (1, "no GNSS yet".to_owned()),
-        };
-        let values = vec![
-            ("sigma_horizontal_m", format!("{horizontal:.3}")),
-            ("sigma_height_m", format!("{:.3}", p[2].max(0.0).sqrt())),
-            (
-                "sigma_heading_deg",
-                format!("{:.3}", epoch.heading_sigma().to_degrees()),
-            ),
-            (
-                "motion",
-                if epoch.motion == Motion::Moving {
-                    "moving"
-                } else {
-                    "stationary"
-                }
-                .to_owned(),
-            ),
-            ("updates_accepted", self.accepted.to_string()),
-            ("updates_inflated", self.inflated.to_string()),
-            ("updates_rejected", self.rejected.to_string()),
-        ];
-        (self.accepted, self.inflated, self.rejected) = (0, 0, 0);
-        Some(Report {
-            level,
-            message,
-            values,
-        })
-    }
-}
-
 fn xyzw(q: &UnitQuaternion<f64>) -> [f64; 4] {
     [q.i, q.j, q.k, q.w]
 }
 
 fn row_by_row(matrix: &Matrix6<f64>) -> [f64; 36] {
     std::array::from_fn(|k| matrix[(k / 6, k % 6)])
-}
-
-/// A position and its NED covariance as a message.
-pub(crate) fn fix_message<'a>(at: &Geodetic, covariance_n: Option<&Matrix3<f64>>) -> NavSatFix<'a> {
-    let enu = covariance_n.map(|p| ENU_NED * p * ENU_NED);
-    NavSatFix {
-        header: Header::default(),
-        status: 0,
-        service: 0,
-        latitude_deg: at.latitude_deg(),
-        longitude_deg: at.longitude_deg(),
-        altitude_m: at.height,
-        position_covariance: enu.map_or([0.0; 9], |p| std::array::from_fn(|k| p[(k / 3, k % 3)])),
-        position_covariance_type: if enu.is_some() {
-            CovarianceType::Known
-        } else {
-            CovarianceType::Unknown
-        },
-    }
-}
-
-fn state_message<'a>(epoch: &Epoch, header: Header<'a>) -> State<'a> {
-    const DEG_PER_HOUR: f64 = 180.0 / std::f64::consts::PI * 3600.0;
-    const MG: f64 = 1e3 / STANDARD_GRAVITY;
-    let nav = &epoch.nav;
-    let euler = epoch.euler();
-    let p = &epoch.covariance;
-    let sigma = |i: usize| p[(i, i)].max(0.0).sqrt();
-    let rate: Vector3<f64> = epoch.rate_b.map(f64::to_degrees);
-    let gyro = epoch.imu_errors.gyro_bias * DEG_PER_HOUR;
-    let accel = epoch.imu_errors.accel_bias * MG;
-    State {
-        header,
-        latitude_deg: nav.position.latitude_deg(),
-        longitude_deg: nav.position.longitude_deg(),
-        height_m: nav.position.height,
-        velocity_north_m_per_s: nav.velocity_n.x,
-        velocity_east_m_per_s: nav.velocity_n.y,
-        velocity_down_m_per_s: nav.velocity_n.z,
-        q_nb_w: nav.q_nb.w,
-        q_nb_x: nav.q_nb.i,
-        q_nb_y: nav.q_nb.j,
-        q_nb_z: nav.q_nb.k,
-        roll_deg: euler.roll.to_degrees(),
-        pitch_deg: euler.pitch.to_degrees(),
-        heading_deg: euler.heading_deg(),
-        rate_x_deg_per_s: rate.x,
-        rate_y_deg_per_s: rate.y,
-        rate_z_deg_per_s: rate.z,
-        gyro_bias_x_deg_per_hour: gyro.x,
-        gyro_bias_y_deg_per_hour: gyro.y,
-        gyro_bias_z_deg_per_hour: gyro.z,
-        accel_bias_x_mg: accel.x,
-        accel_bias_y_mg: accel.y,
-        accel_bias_z_mg: accel.z,
-        sigma_north_m: sigma(0),
-        sigma_east_m: sigma(1),
-        sigma_down_m: sigma(2),
-        sigma_velocity_north_m_per_s: sigma(3),
-        sigma_velocity_east_m_per_s: sigma(4),
-        sigma_velocity_down_m_per_s: sigma(5),
-        sigma_rotation_north_deg: sigma(6).to_degrees(),
-        sigma_rotation_east_deg: sigma(7).to_degrees(),
-        sigma_heading_deg: sigma(8).to_degrees(),
-        sigma_gyro_bias_x_deg_per_hour: sigma(9) * DEG_PER_HOUR,
-        sigma_gyro_bias_y_deg_per_hour: sigma(10) * DEG_PER_HOUR,
-        sigma_gyro_bias_z_deg_per_hour: sigma(11) * DEG_PER_HOUR,
-        sigma_accel_bias_x_mg: sigma(12) * MG,
-        sigma_accel_bias_y_mg: sigma(13) * MG,
-        sigma_accel_bias_z_mg: sigma(14) * MG,
-        position_covariance_nn_m2: p[(0, 0)],
-        position_covariance_ne_m2: p[(0, 1)],
-        position_covariance_nd_m2: p[(0, 2)],
-        position_covariance_ee_m2: p[(1, 1)],
-        position_covariance_ed_m2: p[(1, 2)],
-        position_covariance_dd_m2: p[(2, 2)],
-        velocity_covariance_nn_m2_per_s2: p[(3, 3)],
-        velocity_covariance_ne_m2_per_s2: p[(3, 4)],
-        velocity_covariance_nd_m2_per_s2: p[(3, 5)],
-        velocity_covariance_ee_m2_per_s2: p[(4, 4)],
-        velocity_covariance_ed_m2_per_s2: p[(4, 5)],
-        velocity_covariance_dd_m2_per_s2: p[(5, 5)],
-        attitude_covariance_nn_rad2: p[(6, 6)],
-        attitude_covariance_ne_rad2: p[(6, 7)],
-        attitude_covariance_nd_rad2: p[(6, 8)],
-        attitude_covariance_ee_rad2: p[(7, 7)],
-        attitude_covariance_ed_rad2: p[(7, 8)],
-        attitude_covariance_dd_rad2: p[(8, 8)],
-        standing_s: match epoch.motion {
-            Motion::Moving => 0.0,
-            Motion::Stationary { since } => nav.time.since(since),
-        },
-        motion: u8::from(epoch.motion != Motion::Moving),
-    }
 }
