@@ -53,6 +53,7 @@ def test_refuses_other_types(log: Any) -> None:
     ("config", "words"),
     [
         ({"gnss": {"lever_arm": [0, 0, 0]}}, ["lever_arm", "lever_arm_b_m"]),
+        ("nowhere.toml", ["nowhere.toml", "cannot be read"]),
         ({"gnns": {}}, ["gnns", "gnss"]),
         ({"imu": {"grade": "toy"}}, ["toy", "consumer"]),
         ({"gnss": {"lever_arm_b_m": [0, 0]}}, ["lever_arm_b_m"]),
@@ -68,7 +69,7 @@ def test_names_the_key_of_a_bad_setting(config: Any, words: list[str]) -> None:
         assert word in str(caught.value)
 
 
-@pytest.mark.parametrize("config", [5, "gnss", {5: {}}, {"gnss": {"lever_arm_b_m": object()}}])
+@pytest.mark.parametrize("config", [5, {5: {}}, {"gnss": 5j}, {"gnss": {"lever_arm_b_m": object()}}])
 def test_refuses_settings_of_other_types(config: Any) -> None:
     with pytest.raises(TypeError):
         insnav.run({}, config)

@@ -15,6 +15,7 @@ import insnav
 
 CONFIG: dict[str, Any] = {
     "imu": {"grade": "industrial"},
+    "gnss": {"lever_arm_b_m": [0.0, 0.0, 0.0]},
     "output": {"rate_hz": 10.0},
 }
 # White noise of the grade "industrial": 0.15 °/√h and 0.05 m/s/√h.
@@ -166,7 +167,8 @@ def test_unknown_sigmas_are_not_believed_to_be_small(truth: Drive) -> None:
     arrays = noisy(truth, 6)
     stamps, positions, _ = arrays["gnss_position"]
     for unknown in [(stamps, positions), (stamps, positions, None), (stamps, positions, np.full(3, np.nan))]:
-        s = insnav.run({**arrays, "gnss_position": unknown}, CONFIG)
+        with pytest.warns(insnav.InsnavWarning, match="900 of 900 positions state no sigma"):
+            s = insnav.run({**arrays, "gnss_position": unknown}, CONFIG)
         assert (s.sigma_position_n_m[:, 0] > 0.1).all()
     s = insnav.run(arrays, CONFIG)
     assert (s.sigma_position_n_m[s.time_s > 60, 0] < 0.1).all()
@@ -178,7 +180,8 @@ def test_horizontal_velocity_alone_is_used(truth: Drive) -> None:
     flat = velocities.copy()
     flat[:, 2] = np.nan
     with_flat = insnav.run({**arrays, "gnss_velocity": (stamps, flat, sigma)}, CONFIG)
-    without = insnav.run({k: v for k, v in arrays.items() if k != "gnss_velocity"}, CONFIG)
+    with pytest.warns(insnav.InsnavWarning, match="no GNSS velocity"):
+        without = insnav.run({k: v for k, v in arrays.items() if k != "gnss_velocity"}, CONFIG)
     assert with_flat.sigma_velocity_n_m_per_s[-1, 0] < without.sigma_velocity_n_m_per_s[-1, 0]
 
 
@@ -195,12 +198,13 @@ def test_heading_from_outside_is_used(truth: Drive) -> None:
 def test_time_offset_moves_the_epochs(truth: Drive) -> None:
     arrays = noisy(truth, 9)
     late = {**arrays, "imu": (arrays["imu"][0] + 0.25, *arrays["imu"][1:])}
-    config = {**CONFIG, "gnss": {"time_offset_s": -0.25}}
-    s = insnav.run(late, config)
+    s = insnav.run(late, CONFIG, time_offset_s=-0.25)
     assert s.time_s[0] == pytest.approx(0, abs=1e-9)
     assert np.abs(errors_m(s, truth)[s.time_s > 60]).max() < 0.1
-    # Negative control: a quarter of a second at 12 m/s is 3 m, and the filter sees that something is wrong or errs.
-    assert np.abs(errors_m(insnav.run(late, CONFIG), truth)[-100:]).max() > 0.1
+    # Negative control: a quarter of a second at 12 m/s is 3 m, of which the user is told.
+    with pytest.warns(insnav.InsnavWarning):
+        s = insnav.run(late, CONFIG)
+    assert np.abs(errors_m(s, truth)[s.time_s > 60]).max() > 0.1
 
 
 def test_other_threads_run_meanwhile(truth: Drive) -> None:
@@ -216,10 +220,44 @@ def test_other_threads_run_meanwhile(truth: Drive) -> None:
     thread = threading.Thread(target=tick)
     thread.start()
     begin = time.perf_counter()
-    insnav.run(arrays, CONFIG)
-    end = time.perf_counter()
-    done.set()
-    thread.join()
+    try:
+        insnav.run(arrays, CONFIG)
+    finally:
+        end = time.perf_counter()
+        done.set()
+        thread.join()
     # Reading the arrays holds the interpreter for a few hundredths of a second; the loop must not.
     longest = np.diff([begin, *[t for t in ticks if begin < t < end], end]).max()
     assert longest < 0.7 * (end - begin), f"{longest:.3f} s of {end - begin:.3f} s"
+
+
+def test_mounting_turns_the_axes(truth: Drive) -> None:
+    arrays = noisy(truth, 11)
+    stamps, rates, forces = arrays["imu"]
+    # The unit lies on its side: its y axis points down, its z axis to the left.
+    c_unit_body = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    turned = {**arrays, "imu": (stamps, rates @ c_unit_body.T, forces @ c_unit_body.T)}
+    config = {**CONFIG, "imu": {"grade": "industrial", "mounting_rpy_deg": [90.0, 0.0, 0.0]}}
+    expected, got = insnav.run(arrays, CONFIG), insnav.run(turned, config)
+    # The cosine of 90 degrees is 6e-17 and not 0.
+    assert np.allclose(got.latitude_deg, expected.latitude_deg, rtol=0, atol=1e-10)
+    assert np.allclose(got.roll_deg, expected.roll_deg, rtol=0, atol=1e-6)
+
+
+def test_summary_has_the_keys_of_the_command(truth: Drive) -> None:
+    s = insnav.run(noisy(truth, 12), CONFIG)
+    assert s.summary["imu_samples"] == len(truth.time_s)
+    assert s.summary["final"]["latitude_deg"] == s.latitude_deg[-1]
+    assert s.summary["warnings"] == []
+    (stop,) = s.summary["stops"]
+    assert stop["begin_s"] == pytest.approx(0, abs=0.5) and stop["end_s"] == pytest.approx(20, abs=1)
+    names = {aid["name"]: aid for aid in s.summary["aiding"]}
+    assert names["gnss_position"]["used"] + names["gnss_position"]["rejected"] > 890
+
+
+def test_withheld_fixes_are_not_used(truth: Drive) -> None:
+    s = insnav.run(noisy(truth, 13), CONFIG, withhold="100:110")
+    # Both ends of ten seconds at five fixes a second.
+    assert s.summary["withheld"] == 51
+    before, end = (int(np.argmin(np.abs(s.time_s - t))) for t in [99.0, 109.9])
+    assert s.sigma_position_n_m[end, 0] > 3 * s.sigma_position_n_m[before, 0]

@@ -42,8 +42,8 @@ pub use run::{
     AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, Plan, RunError, RunOptions,
     RunReport, SolutionSink, Source, StopReport, Survey, Warning, Withhold,
 };
-pub use samples::{SampleCounts, Samples};
-pub use sink::{McapSink, SinkOptions, SinkSummary};
+pub use samples::{SampleCounts, Samples, imu_to_body};
+pub use sink::{McapSink, SinkOptions, SinkSummary, StateSink};
 pub use solution::{SolutionTable, UpdateRow};
 pub use stats::{Spread, TopicStatistics};
 pub use topics::{Choice, Role, Selection, TopicInfo};

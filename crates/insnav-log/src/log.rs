@@ -6,6 +6,7 @@ use crate::error::LogError;
 use crate::ros2::{Decode, Header, NavSatFix};
 use crate::samples::{Samples, gnss_position};
 use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
+use insnav_core::config::Config;
 use insnav_core::sample::GnssPosition;
 use insnav_core::time::Time;
 use std::collections::BTreeMap;
@@ -64,6 +65,22 @@ impl Default for ReadOptions {
             geoid_height_m: 0.0,
             chunk_size_limit: 1 << 30,
         }
+    }
+}
+
+impl ReadOptions {
+    /// With the mounting of the settings, unless one is given already.
+    #[must_use]
+    pub fn with_mounting_of(mut self, config: &Config) -> Self {
+        let [roll, pitch, yaw] = config.imu.mounting_rpy_deg;
+        if self.imu_mounting_rpy_deg.is_none() && [roll, pitch, yaw] != [0.0; 3] {
+            // The settings are forward-right-down; in forward-left-up the same rotation has pitch and yaw reversed.
+            self.imu_mounting_rpy_deg = Some(match self.imu_axes {
+                ImuAxes::Frd => [roll, pitch, yaw],
+                ImuAxes::Flu => [roll, -pitch, -yaw],
+            });
+        }
+        self
     }
 }
 

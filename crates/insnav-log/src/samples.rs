@@ -243,8 +243,8 @@ impl Iterator for Samples<'_> {
     }
 }
 
-/// Rotation from the axes of IMU messages to the body (forward-right-down).
-pub(crate) fn imu_to_body(axes: ImuAxes, mounting_rpy_deg: Option<[f64; 3]>) -> Matrix3<f64> {
+/// Rotation from the axes of IMU messages to the body (forward-right-down), for a mounting given in those axes.
+pub fn imu_to_body(axes: ImuAxes, mounting_rpy_deg: Option<[f64; 3]>) -> Matrix3<f64> {
     let mounting = mounting_rpy_deg.map_or_else(Matrix3::identity, |angles| {
         let [roll, pitch, yaw] = angles.map(f64::to_radians);
         Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()

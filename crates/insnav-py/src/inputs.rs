@@ -2,8 +2,11 @@
 
 use crate::arrays::Argument;
 use crate::failure::Failure;
+use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
 use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, ImuIncrement, ImuSample, Sample};
+use insnav_core::time::Time;
+use insnav_log::{ImuAxes, RunError, Source, imu_to_body};
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::{PyMapping, PyTuple};
@@ -53,8 +56,23 @@ const STREAMS: [Stream; 5] = [
     },
 ];
 
-/// All samples in the order of time; at one instant inertial ones first.
-pub(crate) fn samples(arrays: &Bound<'_, PyMapping>) -> PyResult<Vec<Sample>> {
+/// Samples from arrays, to be read as often as a run wants.
+pub(crate) struct Arrays(Vec<Sample>);
+
+impl Source for Arrays {
+    fn samples(&self) -> Result<Box<dyn Iterator<Item = Result<Sample, RunError>> + '_>, RunError> {
+        self.0.samples()
+    }
+
+    /// Seconds out are seconds in.
+    fn origin(&self) -> Result<Option<Time>, RunError> {
+        Ok(Some(Time(0)))
+    }
+}
+
+/// All samples in the order of time; at one instant inertial ones first. Inertial ones are turned by the mounting that the
+/// settings name.
+pub(crate) fn arrays(arrays: &Bound<'_, PyMapping>, config: &Config) -> PyResult<Arrays> {
     let py = arrays.py();
     let keys = arrays.keys()?;
     for key in keys.iter() {
@@ -88,7 +106,11 @@ pub(crate) fn samples(arrays: &Bound<'_, PyMapping>) -> PyResult<Vec<Sample>> {
     }
     // Stable: rows of one kind keep their order.
     samples.sort_by_key(|s| (s.time(), !s.is_inertial()));
-    Ok(samples)
+    let to_body = imu_to_body(ImuAxes::Frd, Some(config.imu.mounting_rpy_deg));
+    if to_body != Matrix3::identity() {
+        samples.iter_mut().for_each(|s| turn(s, &to_body));
+    }
+    Ok(Arrays(samples))
 }
 
 impl Stream {
@@ -141,6 +163,20 @@ impl Stream {
                 object,
             })
             .collect())
+    }
+}
+
+fn turn(sample: &mut Sample, to_body: &Matrix3<f64>) {
+    match sample {
+        Sample::Imu(s) => {
+            s.angular_rate_b = to_body * s.angular_rate_b;
+            s.specific_force_b = to_body * s.specific_force_b;
+        }
+        Sample::ImuIncrement(s) => {
+            s.angle_b = to_body * s.angle_b;
+            s.velocity_b = to_body * s.velocity_b;
+        }
+        _ => {}
     }
 }
 

@@ -1,15 +1,15 @@
-//! The extension module `insnav._insnav`: numpy arrays in, the navigator of the core, numpy arrays out.
+//! The extension module `insnav._insnav`: a log or numpy arrays in, numpy arrays out.
 //!
-//! No mathematics here. In the order data flows: `inputs` and `settings` take what Python gives, `run` drives the
-//! navigator with the interpreter released, `epochs` keeps the solution, `solution` hands out its columns. `arrays` is the
-//! only place that knows numpy.
+//! No mathematics here. In the order data flows: `inputs` and `settings` take what Python gives, `run` plans and
+//! drives the main job of `insnav_log` with the interpreter released, `sinks` keeps the solution, `solution` hands out its
+//! columns. `arrays` is the only place that knows numpy.
 
 mod arrays;
-mod epochs;
 mod failure;
 mod inputs;
 mod run;
 mod settings;
+mod sinks;
 mod solution;
 
 use pyo3::prelude::*;

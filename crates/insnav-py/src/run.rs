@@ -1,48 +1,211 @@
-//! `insnav.run`: the one loop, over arrays.
+//! `insnav.run`: the main job, as the command does it.
 
-use crate::epochs::Epochs;
-use crate::failure::Failure;
+use crate::failure::{Failure, warn};
 use crate::inputs;
 use crate::settings;
+use crate::sinks::FileAndMemory;
 use crate::solution::Solution;
-use insnav_core::error::Error;
-use insnav_core::imu::ImuGrade;
-use insnav_core::navigator::Navigator;
-use insnav_core::time::Time;
+use insnav_core::config::Config;
+use insnav_log::{
+    ImuAxes, Log, Plan, ReadOptions, Role, RunOptions, RunReport, Source, TimeSource,
+};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyMapping;
+use pyo3::types::{PyDict, PyMapping};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 
-/// See the documentation in Python.
+/// Navigate: IMU and GNSS data become a trajectory with its uncertainty.
+///
+/// Does what the command ``insnav run`` does, to the last digit. Other threads run meanwhile.
+///
+/// Parameters
+/// ----------
+/// log : path or Arrays
+///     An MCAP file with ROS 2 messages, or a mapping of arrays (see :class:`Arrays`).
+/// config : mapping or path, optional
+///     Settings: a mapping with the sections and keys of the TOML file, such as
+///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, or the path of a file.
+/// output : path, optional
+///     Where to write the solution as MCAP, for RViz, Foxglove, rerun, PlotJuggler and evo.
+/// overwrite : bool, default False
+///     Replace the output when it exists.
+/// time_offset_s : float or "auto", optional
+///     Seconds added to IMU stamps to meet the clock of GNSS positions; ``"auto"``: find it, and the lag of GNSS velocity,
+///     in the data. Without it a difference is looked for and warned of, but not used.
+/// withhold : str, optional
+///     Fixes to keep from the filter: intervals in seconds (``"120:150,300:330"``) or one in N epochs (``"every:2"``).
+/// topics : mapping, optional
+///     Of a log: topics by role (``"imu"``, ``"gnss"``, ``"gnss-velocity"``) where they cannot be told.
+/// imu_axes : {"flu", "frd"}, optional
+///     Of a log: axes of the IMU's messages; forward-left-up as ROS has it, or forward-right-down.
+/// time_source : {"header", "log", "publish"}, optional
+///     Of a log: which stamp of a message counts.
+///
+/// Returns
+/// -------
+/// Solution
+///     Columns as numpy arrays, and a summary.
+///
+/// Raises
+/// ------
+/// InsnavError
+///     Data, settings or a log that cannot be used; says what, where and the remedy.
+///
+/// Warns
+/// -----
+/// InsnavWarning
+///     Data that look wrong; all warnings are in ``summary["warnings"]`` too.
 #[pyfunction]
-#[pyo3(signature = (log, config=None))]
-pub(crate) fn run(log: &Bound<'_, PyAny>, config: Option<&Bound<'_, PyAny>>) -> PyResult<Solution> {
+#[pyo3(signature = (
+    log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, topics=None, imu_axes=None,
+    time_source=None
+))]
+// One argument each of the Python function.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn run(
+    log: &Bound<'_, PyAny>,
+    config: Option<&Bound<'_, PyAny>>,
+    output: Option<PathBuf>,
+    overwrite: bool,
+    time_offset_s: Option<&Bound<'_, PyAny>>,
+    withhold: Option<&str>,
+    topics: Option<BTreeMap<String, String>>,
+    imu_axes: Option<&str>,
+    time_source: Option<&str>,
+) -> PyResult<Solution> {
     let py = log.py();
-    let config = settings::config(config)?;
-    let arrays = log.cast::<PyMapping>().map_err(|_| {
-        PyTypeError::new_err(format!(
-            "expected a mapping of arrays, not {}",
-            log.get_type()
-        ))
-    })?;
-    let samples = inputs::samples(arrays)?;
-    let navigate = || -> Result<Epochs, Error> {
-        let noise = config
-            .noise
-            .over(config.imu.grade.unwrap_or(ImuGrade::Consumer));
-        let mut navigator = Navigator::new(&config, noise)?;
-        let mut epochs = Epochs::at_rate(config.output.rate_hz);
-        for sample in &samples {
-            navigator.step(sample, &mut epochs)?;
+    let fail = |e: Failure| e.into_py_err(py);
+    let mut config = settings::config(config)?;
+    let mut options = RunOptions::default();
+    match time_offset_s {
+        None => {}
+        Some(text) if text.extract::<&str>().is_ok_and(|t| t == "auto") => {
+            options.time_offset_auto = true;
         }
-        navigator.finish(&mut epochs)?;
-        Ok(epochs)
+        Some(number) => {
+            config.gnss.time_offset_s = number.extract().map_err(|_| {
+                PyTypeError::new_err("time_offset_s: expected a number of seconds or \"auto\"")
+            })?;
+            options.ignore_clocks = true;
+        }
+    }
+    if let Some(text) = withhold {
+        options.withhold = text.parse().map_err(|e| {
+            fail(Failure::new(
+                "bad_option",
+                format!("withhold: {e}"),
+                "intervals as \"120:150,300:330\", or \"every:2\"",
+            ))
+        })?;
+    }
+    let job = Job {
+        config,
+        options,
+        output,
+        overwrite,
     };
-    let epochs = py
-        .detach(navigate)
-        .map_err(|e| Failure::new("navigator", e.to_string(), "").into_py_err(py))?;
+    let done = if let Ok(mapping) = log.cast::<PyMapping>() {
+        if topics.is_some() || imu_axes.is_some() || time_source.is_some() {
+            return Err(PyTypeError::new_err(
+                "topics, imu_axes and time_source say how to read a log; arrays have none",
+            ));
+        }
+        let arrays = inputs::arrays(mapping, &job.config)?;
+        py.detach(|| job.run(&arrays, &[]))
+    } else if let Ok(path) = log.extract::<PathBuf>() {
+        let reading = read_options(topics, imu_axes, time_source)
+            .map_err(fail)?
+            .with_mounting_of(&job.config);
+        py.detach(|| {
+            let log = Log::open(&path, reading)?;
+            // As the command has it, so that both write the same file.
+            let names = [
+                ("input", path.display().to_string()),
+                ("input_crc32", format!("{:08x}", log.crc32())),
+            ];
+            job.run(&log, &names)
+        })
+    } else {
+        return Err(PyTypeError::new_err(format!(
+            "log: expected the path of a log or a mapping of arrays, not {}",
+            log.get_type()
+        )));
+    };
+    let (plan, sink, report) = done.map_err(fail)?;
+    for warning in &report.warnings {
+        warn(py, warning)?;
+    }
     Ok(Solution {
-        rows: epochs.rows,
-        origin: Time(0),
+        states: sink.into_states(),
+        origin: plan.origin,
+        summary: summary(py, &report)?,
     })
+}
+
+/// What is to be done with any source.
+struct Job {
+    config: Config,
+    options: RunOptions,
+    output: Option<PathBuf>,
+    overwrite: bool,
+}
+
+impl Job {
+    fn run(
+        &self,
+        source: &impl Source,
+        metadata: &[(&str, String)],
+    ) -> Result<(Plan, FileAndMemory, RunReport), Failure> {
+        let plan = Plan::make(source, &self.config, &self.options)?;
+        let mut options = plan.sink_options();
+        options.force = self.overwrite;
+        for (key, value) in metadata {
+            options.metadata.insert((*key).to_owned(), value.clone());
+        }
+        let mut sink = FileAndMemory::new(self.output.as_deref(), options)?;
+        let report = plan.execute(source, &mut sink)?;
+        sink.finish_file()?;
+        Ok((plan, sink, report))
+    }
+}
+
+fn read_options(
+    topics: Option<BTreeMap<String, String>>,
+    imu_axes: Option<&str>,
+    time_source: Option<&str>,
+) -> Result<ReadOptions, Failure> {
+    let unknown = |argument: &str, given: &str, known: &str| {
+        Failure::new(
+            "bad_option",
+            format!("{argument}: {given:?} is not known"),
+            format!("one of {known}"),
+        )
+    };
+    let mut options = ReadOptions::default();
+    for (key, topic) in topics.unwrap_or_default() {
+        let role = Role::from_key(&key)
+            .ok_or_else(|| unknown("topics", &key, &Role::ALL.map(Role::key).join(", ")))?;
+        options.topics.push((role, topic));
+    }
+    options.imu_axes = match imu_axes {
+        None | Some("flu") => ImuAxes::Flu,
+        Some("frd") => ImuAxes::Frd,
+        Some(other) => return Err(unknown("imu_axes", other, "flu, frd")),
+    };
+    options.time_source = match time_source {
+        None | Some("header") => TimeSource::Header,
+        Some("log") => TimeSource::Log,
+        Some("publish") => TimeSource::Publish,
+        Some(other) => return Err(unknown("time_source", other, "header, log, publish")),
+    };
+    Ok(options)
+}
+
+/// The report as a dictionary: by way of JSON, so that keys and values are those of the command.
+fn summary(py: Python<'_>, report: &RunReport) -> PyResult<Py<PyDict>> {
+    let text = serde_json::to_string(report)
+        .map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+    let summary = py.import("json")?.call_method1("loads", (text,))?;
+    Ok(summary.cast_into::<PyDict>()?.unbind())
 }

@@ -2,10 +2,11 @@
 
 use crate::failure::Failure;
 use insnav_core::config::Config;
+use insnav_log::{load_config, parse_config};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
-use serde::Deserialize;
+use std::path::PathBuf;
 
 /// The settings, defaults where nothing is said.
 pub(crate) fn config(given: Option<&Bound<'_, PyAny>>) -> PyResult<Config> {
@@ -13,22 +14,18 @@ pub(crate) fn config(given: Option<&Bound<'_, PyAny>>) -> PyResult<Config> {
         return Ok(Config::default());
     };
     let py = given.py();
-    let mapping = given.cast::<PyMapping>().map_err(|_| {
-        PyTypeError::new_err(format!(
-            "config: expected a mapping, not {}",
+    let config = if let Ok(mapping) = given.cast::<PyMapping>() {
+        let table = table(mapping, "config")?;
+        parse_config(&table.to_string(), "config", &[])
+    } else if let Ok(path) = given.extract::<PathBuf>() {
+        load_config(Some(&path), &[])
+    } else {
+        return Err(PyTypeError::new_err(format!(
+            "config: expected a mapping or the path of a TOML file, not {}",
             given.get_type()
-        ))
-    })?;
-    let table = table(mapping, "config")?;
-    let config = Config::deserialize(toml::Value::Table(table)).map_err(|e| {
-        Failure::new(
-            "bad_config",
-            format!("config: {}", e.to_string().trim_end()),
-            "",
-        )
-        .into_py_err(py)
-    })?;
-    Ok(config)
+        )));
+    };
+    config.map_err(|e| Failure::from(e).into_py_err(py))
 }
 
 fn table(mapping: &Bound<'_, PyMapping>, path: &str) -> PyResult<toml::Table> {

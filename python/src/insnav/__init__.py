@@ -5,7 +5,7 @@ angles in degrees at this surface; heading is clockwise from true north.
 """
 
 from insnav._arrays import Arrays
-from insnav._errors import InsnavError
+from insnav._errors import InsnavError, InsnavWarning
 from insnav._insnav import Solution, __version__, run
 
-__all__ = ["Arrays", "InsnavError", "Solution", "__version__", "run"]
+__all__ = ["Arrays", "InsnavError", "InsnavWarning", "Solution", "__version__", "run"]

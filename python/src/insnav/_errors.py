@@ -1,4 +1,4 @@
-"""The exception of this package."""
+"""What this package raises and warns of."""
 
 from __future__ import annotations
 
@@ -25,3 +25,7 @@ class InsnavError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.message}; {self.remedy}" if self.remedy else self.message
+
+
+class InsnavWarning(UserWarning):
+    """Data or settings that look wrong, but can be used; the text ends with a remedy."""

@@ -1,5 +1,6 @@
 from collections.abc import Mapping
-from typing import Any, Final, TypeAlias, final
+from os import PathLike
+from typing import Any, Final, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,23 @@ __version__: Final[str]
 
 _Column: TypeAlias = NDArray[np.float64]
 
-def run(log: Arrays | Mapping[str, Any], config: Mapping[str, Any] | None = None) -> Solution: ...
+def run(
+    log: str | PathLike[str] | Arrays | Mapping[str, Any],
+    config: Mapping[str, Any] | str | PathLike[str] | None = None,
+    *,
+    output: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+    time_offset_s: float | Literal["auto"] | None = None,
+    withhold: str | None = None,
+    topics: Mapping[str, str] | None = None,
+    imu_axes: Literal["flu", "frd"] | None = None,
+    time_source: Literal["header", "log", "publish"] | None = None,
+) -> Solution: ...
 @final
 class Solution:
     def __len__(self) -> int: ...
+    @property
+    def summary(self) -> dict[str, Any]: ...
     @property
     def t0_ns(self) -> int: ...
     @property
@@ -38,6 +52,8 @@ class Solution:
     def pitch_deg(self) -> _Column: ...
     @property
     def heading_deg(self) -> _Column: ...
+    @property
+    def rate_b_deg_per_s(self) -> _Column: ...
     @property
     def gyro_bias_deg_per_hour(self) -> _Column: ...
     @property

@@ -50,21 +50,13 @@ pub(super) struct Angles([f64; 3]);
 impl LogFlags {
     /// How to read, given the settings: a mounting in a flag goes before one in the settings.
     pub(super) fn options(&self, config: &Config) -> ReadOptions {
-        let imu_axes = match self.imu_axes {
-            Axes::Flu => ImuAxes::Flu,
-            Axes::Frd => ImuAxes::Frd,
-        };
-        let [roll, pitch, yaw] = config.imu.mounting_rpy_deg;
-        // The settings are forward-right-down; in forward-left-up the same rotation has pitch and yaw reversed.
-        let set = match imu_axes {
-            ImuAxes::Frd => [roll, pitch, yaw],
-            ImuAxes::Flu => [roll, -pitch, -yaw],
-        };
-        let set = (config.imu.mounting_rpy_deg != [0.0; 3]).then_some(set);
         ReadOptions {
             topics: self.topic.clone(),
-            imu_axes,
-            imu_mounting_rpy_deg: self.imu_mounting_deg.map(|a| a.0).or(set),
+            imu_axes: match self.imu_axes {
+                Axes::Flu => ImuAxes::Flu,
+                Axes::Frd => ImuAxes::Frd,
+            },
+            imu_mounting_rpy_deg: self.imu_mounting_deg.map(|a| a.0),
             time_source: match self.time {
                 Clock::Header => TimeSource::Header,
                 Clock::Log => TimeSource::Log,
@@ -72,6 +64,7 @@ impl LogFlags {
             },
             ..ReadOptions::default()
         }
+        .with_mounting_of(config)
     }
 }
 

@@ -2,8 +2,10 @@
 
 mod decimation;
 mod diagnostics;
+mod states;
 mod values;
 
+pub use states::StateSink;
 pub(crate) use values::fix_message;
 
 use crate::error::LogError;
