@@ -25,6 +25,8 @@ pub mod mechanization;
 #[cfg(feature = "std")]
 pub mod metrics;
 pub mod navigator;
+#[cfg(feature = "std")]
+pub mod noise_floor;
 pub mod sample;
 #[cfg(feature = "std")]
 pub mod sim;
