@@ -86,7 +86,6 @@ pub struct NoiseMeter {
     stretches: Vec<Stretch>,
     previous: Option<Time>,
     steps: [Step; 6],
-    rate: f64,
 }
 
 /// One sample: seconds since the sample before, rates and forces.
@@ -131,8 +130,9 @@ impl NoiseMeter {
             if self.window.len() > 1 && dt > 3.0 * last.dt {
                 self.window.clear();
             } else {
-                for k in 0..6 {
-                    self.steps[k].push((values[k] - last.values[k]).abs());
+                let pairs = values.iter().zip(&last.values);
+                for (step, (now, before)) in self.steps.iter_mut().zip(pairs) {
+                    step.push((now - before).abs());
                 }
             }
         }

@@ -13,6 +13,7 @@ use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::Stop;
+use insnav_core::noise_floor::NoiseFloor;
 use insnav_core::time::Time;
 use std::time::Instant;
 
@@ -67,10 +68,11 @@ impl Plan {
         warnings.extend(looks_wrong(&survey));
 
         let grade_picked = config.imu.grade.is_none();
-        let grade = match config.imu.grade {
-            Some(grade) => grade,
-            None => ImuGrade::Consumer,
-        };
+        // A log of a few seconds tells nothing: the worst class is then the honest one.
+        let grade = config.imu.grade.unwrap_or_else(|| {
+            let floor = survey.noise_floor.as_ref();
+            floor.map_or(ImuGrade::Consumer, NoiseFloor::grade)
+        });
         config.imu.grade = Some(grade);
         if config.gnss.lever_arm_b_m.is_none() {
             let known = source.lever_arm_b()?;

@@ -2,6 +2,7 @@
 
 use super::{RunError, Source};
 use insnav_core::metrics::{Stop, StopFinder};
+use insnav_core::noise_floor::{NoiseFloor, NoiseMeter};
 use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
 use insnav_core::time::Time;
 use nalgebra::Vector3;
@@ -21,6 +22,8 @@ pub struct Survey {
     pub velocities: Vec<GnssVelocity>,
     /// Stops, by GNSS speed below 0.1 m/s; none without GNSS velocity.
     pub stops: Vec<Stop>,
+    /// Noise of the inertial unit while it is quietest; `None` on logs of a few seconds.
+    pub noise_floor: Option<NoiseFloor>,
     /// Mean specific force, body axes, m/s²; `None` when the unit gives increments.
     pub mean_force_b: Option<Vector3<f64>>,
     /// Mean length of the specific force, m/s².
@@ -32,8 +35,11 @@ impl Survey {
     pub fn of(source: &(impl Source + ?Sized)) -> Result<Self, RunError> {
         let mut survey = Survey::default();
         let (mut sum, mut lengths, mut rates) = (Vector3::zeros(), 0.0, 0_usize);
+        let mut meter = NoiseMeter::default();
         for sample in source.samples()? {
-            match sample? {
+            let sample = sample?;
+            meter.push(&sample);
+            match sample {
                 Sample::Imu(s) => {
                     survey.saw_imu(s.time);
                     if s.specific_force_b
@@ -62,6 +68,7 @@ impl Survey {
                 _ => {}
             }
         }
+        survey.noise_floor = meter.floor().ok();
         survey.positions.sort_by_key(|p| p.time);
         survey.velocities.sort_by_key(|v| v.time);
         let mut finder = StopFinder::default();
