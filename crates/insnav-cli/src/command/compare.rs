@@ -32,6 +32,10 @@ pub(crate) struct Compare {
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     to: Option<f64>,
 
+    /// Whose clock stamped the reference: solutions are on that of GNSS positions, a reference may be on the IMU's
+    #[arg(long, value_enum, default_value = "gnss", value_name = "CLOCK")]
+    reference_clock: ReferenceClock,
+
     /// Take the constant rotation between the axes of both out of the attitude errors
     #[arg(long)]
     remove_mounting: bool,
@@ -43,6 +47,15 @@ pub(crate) struct Compare {
     /// End with code 1 if a number is larger, such as horizontal_rms_m=0.05 or withheld.height_rms_m=0.1 (repeatable)
     #[arg(long, value_name = "KEY=VALUE", value_parser = limit)]
     max: Vec<Limit>,
+}
+
+/// A clock of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ReferenceClock {
+    /// That of GNSS positions, which solutions are on
+    Gnss,
+    /// The IMU's: the time offset that the run used is added to the reference's stamps
+    Imu,
 }
 
 /// One `--max`.
@@ -140,6 +153,10 @@ impl Compare {
     ) -> Result<Row, Failure> {
         let solution = ComparedSolution::read(&solution_path, None)?;
         let reference = ComparedReference::read(&reference_path, &solution)?;
+        let reference = match self.reference_clock {
+            ReferenceClock::Gnss => reference,
+            ReferenceClock::Imu => reference.delayed(solution.time_offset),
+        };
         let options = CompareOptions {
             origin: solution.origin,
             from: self.from.map(|s| solution.origin.plus(s)),

@@ -32,6 +32,15 @@ impl ComparedReference {
         }
         from_csv(&Table::read(path)?, solution.origin)
     }
+
+    /// The same reference stamped `seconds` later.
+    #[must_use]
+    pub fn delayed(mut self, seconds: f64) -> Self {
+        for point in &mut self.points {
+            point.time = point.time.plus(seconds);
+        }
+        self
+    }
 }
 
 fn of_solution(other: &ComparedSolution) -> Vec<ReferencePoint> {

@@ -22,6 +22,8 @@ pub struct ComparedSolution {
     pub lever_arm_b: Vector3<f64>,
     /// How far the stamp of a GNSS velocity is behind its instant, s.
     pub velocity_lag: f64,
+    /// What was added to the IMU's stamps to meet the solution's clock, s.
+    pub time_offset: f64,
     /// What was withheld from the navigator.
     pub withheld: Withheld,
     /// Where a trajectory in metres (TUM) has its zero.
@@ -65,6 +67,7 @@ impl ComparedSolution {
             origin,
             lever_arm_b: arm,
             velocity_lag: config.gnss.velocity_lag_s,
+            time_offset: config.gnss.time_offset_s,
             withheld: withheld(table, origin),
             map_origin: table
                 .metadata
