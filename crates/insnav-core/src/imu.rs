@@ -1,7 +1,5 @@
 //! Errors of an inertial unit: what the filter estimates, and what the data sheet says.
 
-#[cfg(not(feature = "std"))]
-use nalgebra::ComplexField;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -108,18 +106,6 @@ impl ImuNoise {
             accel_bias_sigma: accel_bias,
             gyro_bias_tau: gyro_bias_tau_s,
             accel_bias_tau: accel_bias_tau_s,
-        }
-    }
-
-    /// The same unit on a vehicle that shakes it: measured white densities (rad/√s, m/s/√s) added in the square.
-    ///
-    /// Vibration above the sampling rate, scale factors and flexing reach the filter as noise that no data sheet states.
-    #[must_use]
-    pub fn shaken(self, gyro_white: f64, accel_white: f64) -> Self {
-        ImuNoise {
-            gyro_white: self.gyro_white.hypot(gyro_white),
-            accel_white: self.accel_white.hypot(accel_white),
-            ..self
         }
     }
 }

@@ -33,6 +33,11 @@ pub struct NoiseFloor {
     pub gyro_white: Vector3<f64>,
     /// White noise of the accelerometers, m/s/√s, likewise.
     pub accel_white: Vector3<f64>,
+    /// White noise of the gyros under way, rad/√s: the middle one of all stretches, quiet or not, mean of the axes. Vibration
+    /// above the sampling rate reaches a filter as white noise that no data sheet states.
+    pub gyro_shaken: f64,
+    /// White noise of the accelerometers under way, m/s/√s, likewise.
+    pub accel_shaken: f64,
     /// Mean rate while quiet, rad/s: bias and Earth rate.
     pub gyro_mean: Vector3<f64>,
     /// Size of the mean specific force while quiet, m/s².
@@ -100,6 +105,8 @@ struct Reading {
 struct Stretch {
     dt: f64,
     white: [f64; 6],
+    /// Squared densities between neighbouring samples alone, gyros and accelerometers, mean of the axes.
+    shaken: [f64; 2],
     /// Densities of the averaged samples alone: how much is going on.
     liveliness: [f64; 2],
     gyro_mean: Vector3<f64>,
@@ -168,7 +175,8 @@ impl NoiseMeter {
             values.sort_by(f64::total_cmp);
             values[values.len() / 2]
         };
-        let dt = middle(&|s| s.dt, &self.stretches.iter().collect::<Vec<_>>());
+        let all: Vec<&Stretch> = self.stretches.iter().collect();
+        let dt = middle(&|s| s.dt, &all);
         let step = |k: usize| self.steps[k].size();
         // A rounding of steps q adds q²/12 ([Widrow61]), and hides the noise when that is less.
         let white = |k: usize, among: &[&Stretch]| {
@@ -189,6 +197,8 @@ impl NoiseMeter {
             rate: 1.0 / dt,
             gyro_white,
             accel_white,
+            gyro_shaken: middle(&|s| s.shaken[0], &all).sqrt(),
+            accel_shaken: middle(&|s| s.shaken[1], &all).sqrt(),
             gyro_mean: Vector3::from_fn(|k, _| middle(&|s| s.gyro_mean[k], &still)),
             force: middle(&|s| s.force, &steady),
             gyro_step: Vector3::from_fn(|k, _| telling(step(k), gyro_white[k])),
@@ -204,6 +214,7 @@ impl Stretch {
         let per_block = ((BLOCK / dt).round() as usize).max(1);
         let mut white = [0.0; 6];
         let mut liveliness = [0.0; 2];
+        let mut shaken = [0.0; 2];
         let mut mean = [0.0; 6];
         for k in 0..6 {
             let values: Vec<f64> = window.iter().map(|r| r.values[k]).collect();
@@ -216,10 +227,12 @@ impl Stretch {
             let coarse = third_difference_variance(&blocks) * dt * per_block as f64;
             white[k] = fine.max(coarse);
             liveliness[k / 3] += coarse;
+            shaken[k / 3] += fine / 3.0;
         }
         Stretch {
             dt,
             white,
+            shaken,
             liveliness,
             gyro_mean: Vector3::new(mean[0], mean[1], mean[2]),
             force: Vector3::new(mean[3], mean[4], mean[5]).norm(),

@@ -125,10 +125,20 @@ fn imu(r: &RunReport) -> String {
         short(y),
         short(z)
     );
+    let (gyro, accel) = (
+        short(r.gyro_arw_deg_per_sqrt_hour),
+        short(r.accel_vrw_m_per_s_per_sqrt_hour),
+    );
+    let noise = format!("white noise {gyro} °/√h and {accel} m/s/√h");
     if r.imu_grade_picked {
-        format!("{grade} grade, assumed; to state it: [imu] grade = \"{grade}\"\n{arm}")
+        format!(
+            "{grade} grade, {noise}, as the log shows; to state it:\n\
+             [imu] grade = \"{grade}\"\n\
+             [noise] gyro_arw_deg_per_sqrt_hour = {gyro}, accel_vrw_m_per_s_per_sqrt_hour = {accel}\n\
+             {arm}"
+        )
     } else {
-        format!("{grade} grade; {arm}")
+        format!("{grade} grade, {noise}; {arm}")
     }
 }
 

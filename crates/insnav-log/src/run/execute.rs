@@ -65,6 +65,8 @@ impl Plan {
             gnss_velocity_lag_found_s: self.clocks.lag_found,
             imu_grade: self.grade,
             imu_grade_picked: self.grade_picked,
+            gyro_arw_deg_per_sqrt_hour: self.noise().gyro_white.to_degrees() * 60.0,
+            accel_vrw_m_per_s_per_sqrt_hour: self.noise().accel_white * 60.0,
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
             alignment: tally.alignment,
             stops: tally.stops(),

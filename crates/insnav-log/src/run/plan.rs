@@ -9,7 +9,7 @@ use super::survey::Survey;
 use super::withhold::{Withhold, Withholding};
 use crate::log::METADATA_T0;
 use crate::{SinkOptions, config_text};
-use insnav_core::config::Config;
+use insnav_core::config::{Config, NoiseConfig};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::Stop;
@@ -74,6 +74,9 @@ impl Plan {
             floor.map_or(ImuGrade::Consumer, NoiseFloor::grade)
         });
         config.imu.grade = Some(grade);
+        if let Some(floor) = &survey.noise_floor {
+            state_white_noise(&mut config.noise, &grade.noise(), floor);
+        }
         if config.gnss.lever_arm_b_m.is_none() {
             let known = source.lever_arm_b()?;
             if known.is_none() {
@@ -157,6 +160,18 @@ impl Plan {
         }
         self.clocks = clocks;
     }
+}
+
+/// Where the settings leave white noise open: that of the class or what the log shows under way, whichever is more.
+fn state_white_noise(settings: &mut NoiseConfig, class: &ImuNoise, floor: &NoiseFloor) {
+    let gyro = class.gyro_white.max(floor.gyro_shaken);
+    let accel = class.accel_white.max(floor.accel_shaken);
+    settings
+        .gyro_arw_deg_per_sqrt_hour
+        .get_or_insert(gyro.to_degrees() * 60.0);
+    settings
+        .accel_vrw_m_per_s_per_sqrt_hour
+        .get_or_insert(accel * 60.0);
 }
 
 /// What makes a run impossible.

@@ -141,6 +141,10 @@ pub struct RunReport {
     pub imu_grade: ImuGrade,
     /// Whether it was picked from the log's own noise.
     pub imu_grade_picked: bool,
+    /// White noise of the gyros that the run used, °/√h.
+    pub gyro_arw_deg_per_sqrt_hour: f64,
+    /// White noise of the accelerometers that the run used, m/s/√h.
+    pub accel_vrw_m_per_s_per_sqrt_hour: f64,
     /// Lever arm used, forward-right-down, m.
     pub lever_arm_b_m: [f64; 3],
     /// The start.
