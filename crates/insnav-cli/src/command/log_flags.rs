@@ -38,10 +38,19 @@ pub(super) struct LogFlags {
     #[arg(long, value_name = "ANGLES", value_parser = mounting, allow_hyphen_values = true)]
     imu_mounting_deg: Option<Angles>,
 
+    /// What altitudes of fixes are above: ellipsoid, or msl=N for the sea level, with the height N of the geoid above the
+    /// ellipsoid there in metres
+    #[arg(long, value_name = "ellipsoid|msl=N", value_parser = altitude, default_value = "ellipsoid")]
+    altitude: Geoid,
+
     /// Which stamp of a message counts
     #[arg(long, value_enum, default_value = "header", value_name = "CLOCK")]
     time: Clock,
 }
+
+/// Height of the zero of altitudes above the ellipsoid, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Geoid(f64);
 
 /// Roll, pitch and yaw, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +71,7 @@ impl LogFlags {
                 Clock::Log => TimeSource::Log,
                 Clock::Publish => TimeSource::Publish,
             },
+            geoid_height_m: self.altitude.0,
             ..ReadOptions::default()
         }
         .with_mounting_of(config)
@@ -76,6 +86,19 @@ fn topic(text: &str) -> Result<(Role, String), String> {
     let role =
         Role::from_key(key).ok_or_else(|| format!("{key:?} is no role; roles are {}", keys()))?;
     Ok((role, name.to_owned()))
+}
+
+fn altitude(text: &str) -> Result<Geoid, String> {
+    if text == "ellipsoid" {
+        return Ok(Geoid(0.0));
+    }
+    let height = text.strip_prefix("msl=").and_then(|n| n.parse().ok());
+    // The geoid lies within 107 m of the ellipsoid everywhere.
+    height.filter(|n: &f64| n.abs() <= 110.0).map(Geoid).ok_or_else(|| {
+        "expected ellipsoid or msl=N; there is no geoid model here, so N, its height above the ellipsoid in metres, has to be \
+         given; the trajectory's shape does not depend on it"
+            .into()
+    })
 }
 
 fn mounting(text: &str) -> Result<Angles, String> {
@@ -106,6 +129,15 @@ mod tests {
         assert_eq!(mounting("roll=90,yaw=-90"), Ok(Angles([90.0, 0.0, -90.0])));
         for wrong in ["", "roll", "heading=3", "roll=x", "roll=inf"] {
             assert!(mounting(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn altitudes() {
+        assert_eq!(altitude("ellipsoid"), Ok(Geoid(0.0)));
+        assert_eq!(altitude("msl=-32.5"), Ok(Geoid(-32.5)));
+        for wrong in ["msl", "msl=x", "msl=nan", "msl=1000", "sea"] {
+            assert!(altitude(wrong).is_err(), "{wrong}");
         }
     }
 

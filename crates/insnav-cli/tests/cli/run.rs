@@ -197,3 +197,12 @@ fn the_text_is_for_people_and_warnings_go_to_standard_error() {
     }
     assert!(!done.stdout.contains("warning:"));
 }
+
+#[test]
+fn altitudes_above_the_sea_are_raised_by_the_geoid() {
+    let folder = Folder::with_drive();
+    let height = |more: &[&str]| run(&folder, more)["final"]["height_m"].as_f64().unwrap();
+    let raised = height(&["--altitude", "msl=45.5"]) - height(&[]);
+    // Gravity and curvature change by 1e-5 over such a height.
+    assert!((raised - 45.5).abs() < 1e-2, "{raised}");
+}

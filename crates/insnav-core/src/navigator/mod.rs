@@ -311,7 +311,7 @@ impl Navigator {
             filter.propagate(&increment);
         }
         if next.time() >= now && sink.wants_epoch(next.time()) {
-            sink.epoch(&epoch(filter, self.speed.motion()));
+            sink.epoch(&epoch(filter, self.speed.motion_at(next.time())));
         }
         failed.map_or(Ok(()), Err)
     }

@@ -121,24 +121,24 @@ impl Clocks {
                 found.push(Warning {
                     code,
                     message: format!(
-                        "{what} by {value:.3} ± {sigma:.3} s, where the run uses {set:.3} s"
+                        "{what} {value:.4} ± {sigma:.4} s, and the run takes {set:.4} s"
                     ),
                     remedy: format!(
-                        "use what the data say with `--time-offset auto`, or set {key} = {value:.3}"
+                        "use what the data say with `--time-offset auto`, or set {key} = {value:.4}"
                     ),
                 });
             }
         };
         compare(
             "time_offset",
-            "the IMU's stamps are behind the clock of GNSS positions",
+            "to meet the clock of GNSS positions, IMU stamps need",
             "gnss.time_offset_s",
             self.offset_found,
             config.gnss.time_offset_s,
         );
         compare(
             "velocity_lag",
-            "GNSS velocity is stamped later than its position",
+            "GNSS velocity is stamped later than its position, by",
             "gnss.velocity_lag_s",
             self.lag_found,
             config.gnss.velocity_lag_s,
