@@ -9,7 +9,10 @@ SHELL := /bin/bash
 PYTHON ?= python3
 CARGO ?= cargo
 export PYTHON
-export INSNAV_DATA ?= $(abspath ../shared/data)
+INSNAV_DATA ?= $(wildcard $(abspath ../shared/data))
+ifneq ($(INSNAV_DATA),)
+export INSNAV_DATA
+endif
 
 # A fresh clone must build from the lock file as committed.
 ifeq ($(CI),true)
@@ -19,7 +22,7 @@ export CARGO_TERM_COLOR ?= never
 endif
 
 EMBEDDED := thumbv7em-none-eabihf
-DRIVE := $(INSNAV_DATA)/mcap_real/rtkexp_drive_ros2_zstd.mcap
+DRIVE := $(or $(INSNAV_DATA),../shared/data)/mcap_real/rtkexp_drive_ros2_zstd.mcap
 OUT := target/check
 SKIPS := $(OUT)/skipped
 VENV_PYTHON := .venv/bin/python
@@ -101,15 +104,18 @@ python: wheel command ## Python tests and types, on the wheel
 	cd python && ../$(VENV_PYTHON) -m mypy.stubtest insnav._insnav
 
 .PHONY: validators
-validators: command ## A solution is read by other programs: mcap, rosbags, evo, rerun
+validators: command ## Solutions are read by other programs: mcap, rosbags, evo, rerun
 	$(call step,Foreign readers)
 	@mkdir -p $(OUT)
-	@if [ ! -f "$(DRIVE)" ]; then $(call skip,foreign readers,no recording at $(DRIVE)); exit 0; fi; \
-	status=0; .ci/venv .venv-validators tests/validators/requirements.txt || status=$$?; \
+	@status=0; .ci/venv .venv-validators tests/validators/requirements.txt || status=$$?; \
 	if [ $$status = 75 ] && [ "$(CI)" != true ]; then $(call skip,foreign readers,the package index cannot be reached); exit 0; fi; \
-	[ $$status = 0 ] || exit $$status; set -x; \
-	target/debug/insnav run "$(DRIVE)" -o $(OUT)/drive.insnav.mcap --force --format json >$(OUT)/drive.json; \
-	.venv-validators/bin/python tests/validators/check_solution.py $(OUT)/drive.insnav.mcap
+	[ $$status = 0 ] || exit $$status; \
+	check() { echo "$$1"; .venv-validators/bin/python tests/validators/check_solution.py "$$1"; }; \
+	rm -rf $(OUT)/demo; target/debug/insnav demo --dir $(OUT)/demo --format json >$(OUT)/demo.json; \
+	check $(OUT)/demo/drive.insnav.mcap; \
+	if [ ! -f "$(DRIVE)" ]; then $(call skip,foreign readers of a recorded drive,no file $(DRIVE)); exit 0; fi; \
+	target/debug/insnav run "$(DRIVE)" --time-offset auto -o $(OUT)/drive.insnav.mcap --force --format json >$(OUT)/drive.json; \
+	check $(OUT)/drive.insnav.mcap
 
 .PHONY: bench
 bench: ## Run the benches
