@@ -244,7 +244,8 @@ fn wrong_noise_and_a_wrong_lever_arm_are_noticed() {
     let of = |told, config: &Config| ensemble(size, told, config).mean;
     let right = of(noise(), &config());
     println!("right: {right:.3?}");
-    let halved: [(&str, fn(&mut ImuNoise), usize); 4] = [
+    type Change = fn(&mut ImuNoise);
+    let halved: [(&str, Change, usize); 4] = [
         ("gyro white noise", |n| n.gyro_white *= 0.5, 2),
         ("accelerometer white noise", |n| n.accel_white *= 0.5, 1),
         ("gyro bias", |n| n.gyro_bias_sigma *= 0.5, 3),

@@ -23,13 +23,13 @@ struct Record {
 
 impl Sink for Record {
     fn epoch(&mut self, epoch: &Epoch) {
-        self.epochs.push(epoch.clone());
+        self.epochs.push(*epoch);
     }
     fn update(&mut self, update: &Update) {
         self.updates.push(*update);
     }
     fn event(&mut self, event: &Event) {
-        self.events.push(event.clone());
+        self.events.push(*event);
     }
 }
 

@@ -68,6 +68,8 @@ impl Epoch {
 }
 
 /// Something worth telling that is neither an epoch nor an update.
+// The one large variant comes once a run, and without an allocator there is no pointer to put it behind.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Event {

@@ -3,6 +3,9 @@
 //! Number of states at run time inside a fixed capacity; Φ applied as three successive row shears (position, velocity,
 //! attitude) instead of two matrix products; updates as rank-M corrections. Exactly symmetric throughout.
 
+// The loops run over the indices of one formula, several arrays at once.
+#![allow(clippy::needless_range_loop)]
+
 use super::columns::{Columns, States};
 use super::layout::{Block, CAPACITY, Layout};
 use super::transition::Transition;
