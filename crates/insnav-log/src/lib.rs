@@ -39,8 +39,8 @@ pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource}
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
 pub use run::{
-    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, Plan, RunError, RunOptions,
-    RunReport, SolutionSink, Source, StopReport, Survey, Warning, Withhold,
+    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, NoiseReport, Plan, RunError,
+    RunOptions, RunReport, SolutionSink, Source, StopReport, Survey, Warning, Withhold,
 };
 pub use samples::{SampleCounts, Samples, imu_to_body};
 pub use sink::{McapSink, SinkOptions, SinkSummary, StateSink};

@@ -8,8 +8,8 @@ use crate::text;
 use clap::Args;
 use insnav_core::time::Time;
 use insnav_log::{
-    Choice, Estimate, Log, METADATA_NAME, Plan, Role, RunOptions, TopicInfo, TopicStatistics,
-    Warning, config_text,
+    Choice, Estimate, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions, TopicInfo,
+    TopicStatistics, Warning, config_text,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -96,6 +96,7 @@ pub(crate) struct RunPreview {
     pub(crate) stops: Vec<Span>,
     pub(crate) imu_grade: &'static str,
     pub(crate) imu_grade_picked: bool,
+    pub(crate) imu_noise: Option<NoiseReport>,
     pub(crate) lever_arm_b_m: [f64; 3],
     pub(crate) config: String,
 }
@@ -153,6 +154,7 @@ fn preview(plan: &Plan) -> RunPreview {
         stops: plan.stops().iter().map(|s| span(s.begin, s.end)).collect(),
         imu_grade: plan.grade.name(),
         imu_grade_picked: plan.grade_picked,
+        imu_noise: plan.survey.noise_floor.as_ref().map(NoiseReport::from),
         lever_arm_b_m: plan.config.gnss.lever_arm_b_m.unwrap_or_default(),
         config: config_text(&plan.config),
     }

@@ -2,7 +2,7 @@
 
 use super::{entry, plural, short, span};
 use crate::command::{LogReport, RunPreview, TopicReport};
-use insnav_log::Estimate;
+use insnav_log::{Estimate, NoiseReport};
 
 /// The report of `info`.
 pub(crate) fn log_report(r: &LogReport) -> String {
@@ -126,6 +126,9 @@ fn preview(run: &RunPreview) -> String {
             estimate(&run.gnss_velocity_lag_s)
         ),
     );
+    if let Some(n) = &run.imu_noise {
+        add("noise", noise(n));
+    }
     let stops: Vec<String> = run
         .stops
         .iter()
@@ -139,9 +142,41 @@ fn preview(run: &RunPreview) -> String {
             stops.join(", ")
         },
     );
+    let source = match (run.imu_grade_picked, &run.imu_noise) {
+        (false, _) => "as set",
+        (true, Some(_)) => "picked from that noise",
+        (true, None) => "assumed: the log is too short to tell",
+    };
+    add("imu", format!("{} grade, {source}", run.imu_grade));
     add(
         "settings",
         format!("as follows (a file for -c)\n{}", run.config.trim_end()),
     );
+    text
+}
+
+fn noise(n: &NoiseReport) -> String {
+    let three = |v: &[f64; 3]| v.map(short).join(", ");
+    let mut text = format!(
+        "gyro ({}) °/√h when quiet, {} under way; accelerometer ({}) m/s/√h when quiet, {} under way\n\
+         when quiet: mean rate ({}) °/h, size of the specific force {:.3} m/s²",
+        three(&n.gyro_quiet_deg_per_sqrt_hour),
+        short(n.gyro_under_way_deg_per_sqrt_hour),
+        three(&n.accel_quiet_m_per_s_per_sqrt_hour),
+        short(n.accel_under_way_m_per_s_per_sqrt_hour),
+        three(&n.gyro_mean_deg_per_hour),
+        n.force_m_per_s2
+    );
+    if n.gyro_step_deg_per_s
+        .iter()
+        .chain(&n.accel_step_m_per_s2)
+        .any(|s| *s > 0.0)
+    {
+        text.push_str(&format!(
+            "\nvalues come in steps of ({}) °/s and ({}) m/s²",
+            three(&n.gyro_step_deg_per_s),
+            three(&n.accel_step_m_per_s2)
+        ));
+    }
     text
 }

@@ -130,16 +130,19 @@ fn imu(r: &RunReport) -> String {
         short(r.accel_vrw_m_per_s_per_sqrt_hour),
     );
     let noise = format!("white noise {gyro} °/√h and {accel} m/s/√h");
-    if r.imu_grade_picked {
-        format!(
-            "{grade} grade, {noise}, as the log shows; to state it:\n\
-             [imu] grade = \"{grade}\"\n\
-             [noise] gyro_arw_deg_per_sqrt_hour = {gyro}, accel_vrw_m_per_s_per_sqrt_hour = {accel}\n\
-             {arm}"
-        )
-    } else {
-        format!("{grade} grade, {noise}; {arm}")
+    if !r.imu_grade_picked {
+        return format!("{grade} grade, as set; {noise}\n{arm}");
     }
+    let source = if r.imu_noise.is_some() {
+        "picked from the log's own noise"
+    } else {
+        "assumed, since the log is too short to tell"
+    };
+    format!(
+        "{grade} grade, {source}; to state it:\n[imu]\ngrade = \"{grade}\"\n[noise]\n\
+         gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n{arm}",
+        r.gyro_arw_deg_per_sqrt_hour, r.accel_vrw_m_per_s_per_sqrt_hour
+    )
 }
 
 fn clocks(r: &RunReport) -> String {

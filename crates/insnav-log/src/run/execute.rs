@@ -2,7 +2,7 @@
 
 use super::RunError;
 use super::plan::Plan;
-use super::report::{Estimate, RunReport, Warning};
+use super::report::{Estimate, NoiseReport, RunReport, Warning};
 use super::source::{SolutionSink, Source};
 use super::tally::Tally;
 use super::withhold::Withholding;
@@ -67,6 +67,7 @@ impl Plan {
             imu_grade_picked: self.grade_picked,
             gyro_arw_deg_per_sqrt_hour: self.noise().gyro_white.to_degrees() * 60.0,
             accel_vrw_m_per_s_per_sqrt_hour: self.noise().accel_white * 60.0,
+            imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
             alignment: tally.alignment,
             stops: tally.stops(),

@@ -25,7 +25,8 @@ pub use clocks::Clocks;
 pub use error::RunError;
 pub use plan::{Plan, RunOptions};
 pub use report::{
-    AidingReport, AlignmentReport, Estimate, FinalReport, RunReport, StopReport, Warning,
+    AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, RunReport, StopReport,
+    Warning,
 };
 pub use source::{SolutionSink, Source};
 pub use survey::Survey;

@@ -2,6 +2,7 @@
 
 use insnav_core::alignment::HeadingSource;
 use insnav_core::imu::ImuGrade;
+use insnav_core::noise_floor::NoiseFloor;
 use serde::Serialize;
 
 /// Something in the data or the settings that the user should know, with what to do about it.
@@ -22,6 +23,46 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard deviation.
     pub sigma: Option<f64>,
+}
+
+/// Noise of the inertial unit as its own log shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct NoiseReport {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// White noise of the gyros in the quietest stretches, °/√h, per axis.
+    pub gyro_quiet_deg_per_sqrt_hour: [f64; 3],
+    /// White noise of the accelerometers in the quietest stretches, m/s/√h, per axis.
+    pub accel_quiet_m_per_s_per_sqrt_hour: [f64; 3],
+    /// White noise of the gyros under way, vibration included, °/√h.
+    pub gyro_under_way_deg_per_sqrt_hour: f64,
+    /// White noise of the accelerometers under way, vibration included, m/s/√h.
+    pub accel_under_way_m_per_s_per_sqrt_hour: f64,
+    /// Mean rate while quiet (bias and Earth rate), °/h.
+    pub gyro_mean_deg_per_hour: [f64; 3],
+    /// Size of the mean specific force while quiet, m/s².
+    pub force_m_per_s2: f64,
+    /// Steps in which the gyros' values come, °/s; 0 where they are fine against the noise.
+    pub gyro_step_deg_per_s: [f64; 3],
+    /// Steps of the accelerometers, m/s², likewise.
+    pub accel_step_m_per_s2: [f64; 3],
+}
+
+impl From<&NoiseFloor> for NoiseReport {
+    fn from(floor: &NoiseFloor) -> Self {
+        let per_sqrt_hour = |x: f64| x.to_degrees() * 60.0;
+        NoiseReport {
+            rate_hz: floor.rate,
+            gyro_quiet_deg_per_sqrt_hour: floor.gyro_white.map(per_sqrt_hour).into(),
+            accel_quiet_m_per_s_per_sqrt_hour: (floor.accel_white * 60.0).into(),
+            gyro_under_way_deg_per_sqrt_hour: per_sqrt_hour(floor.gyro_shaken),
+            accel_under_way_m_per_s_per_sqrt_hour: floor.accel_shaken * 60.0,
+            gyro_mean_deg_per_hour: floor.gyro_mean.map(|w| w.to_degrees() * 3600.0).into(),
+            force_m_per_s2: floor.force,
+            gyro_step_deg_per_s: floor.gyro_step.map(f64::to_degrees).into(),
+            accel_step_m_per_s2: floor.accel_step.into(),
+        }
+    }
 }
 
 /// How the run began.
@@ -145,6 +186,8 @@ pub struct RunReport {
     pub gyro_arw_deg_per_sqrt_hour: f64,
     /// White noise of the accelerometers that the run used, m/s/√h.
     pub accel_vrw_m_per_s_per_sqrt_hour: f64,
+    /// What the log's own noise is; absent for logs of a few seconds.
+    pub imu_noise: Option<NoiseReport>,
     /// Lever arm used, forward-right-down, m.
     pub lever_arm_b_m: [f64; 3],
     /// The start.
