@@ -1,15 +1,18 @@
 //! Offsets between clocks, found in the data: IMU against GNSS position, and GNSS velocity against GNSS position.
 //!
 //! Logs commonly carry 0.05 to 0.4 s of them, which matters more than any choice of filter: at 15 m/s, 0.1 s is 1.5 m.
-//! Both estimators need neither an alignment nor a configuration, and look at the whole log rather than running with it.
+//! The first two estimators need neither an alignment nor a configuration, and look at the whole log rather than running with
+//! it; the third, for short or gentle logs, is the navigator itself at many offsets.
 //! They take an offset as constant: a clock that drifts by more than the sigma over the log is told by nothing here.
 
+mod by_filter;
 mod gnss_track;
 mod imu_offset;
 mod preintegration;
 mod velocity_lag;
 mod window;
 
+pub use by_filter::estimate as imu_offset_by_filter;
 pub use imu_offset::estimate as imu_offset;
 pub use velocity_lag::estimate as velocity_lag;
 

@@ -5,7 +5,9 @@ use super::execute::is_withheld;
 use super::plan::Plan;
 use super::report::{Estimate, Warning};
 use super::source::Source;
-use insnav_core::clock_offset::{ClockOffset, Search, imu_offset, velocity_lag};
+use insnav_core::clock_offset::{
+    ClockOffset, Search, imu_offset, imu_offset_by_filter, velocity_lag,
+};
 use insnav_core::config::Config;
 use insnav_core::sample::Sample;
 use nalgebra::Vector3;
@@ -53,11 +55,22 @@ pub(super) fn find_clocks(
         sigma: Some(c.sigma),
     };
     // What cannot be observed is no failure of the run: it stays as the settings have it.
+    let lag = velocity_lag(&samples, &search).ok();
+    let offset = imu_offset(&samples, &lever_arm_b, &search).or_else(|error| {
+        // Positions alone did not tell; velocities whose lag is known may, through the filter.
+        let Some(lag) = lag.filter(|_| thorough) else {
+            return Err(error);
+        };
+        let mut config = plan.config;
+        config.gnss.velocity_lag_s = lag.value;
+        let found = imu_offset_by_filter(&samples, &config, &plan.noise(), &search)?;
+        // Velocities tell the sum of both offsets: what the lag is wrong by, the offset is.
+        let sigma = found.sigma.hypot(lag.sigma);
+        Ok(ClockOffset { sigma, ..found })
+    });
     Ok(Clocks {
-        offset_found: imu_offset(&samples, &lever_arm_b, &search)
-            .ok()
-            .map(estimate),
-        lag_found: velocity_lag(&samples, &search).ok().map(estimate),
+        offset_found: offset.ok().map(estimate),
+        lag_found: lag.map(estimate),
         ..Clocks::default()
     })
 }
