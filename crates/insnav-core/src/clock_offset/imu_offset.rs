@@ -83,19 +83,14 @@ fn windows(
     margin: f64,
     lever_arm_b: &Vector3<f64>,
 ) -> Vec<Window> {
-    let (Some(&from), Some(&to)) = (path.t.first(), path.t.last()) else {
-        return Vec::new();
-    };
-    let (from, to) = (
-        from.max(margin),
-        to.min(steps.t.last().copied().unwrap_or(0.0) - margin),
-    );
-    let mut stretches: Vec<_> = (0..((to - from) / length).max(0.0) as usize)
-        .map(|i| {
-            let begin = from + i as f64 * length;
-            (steps.liveliness(begin, begin + length), begin)
-        })
-        .collect();
+    let last = steps.t.last().copied().unwrap_or(0.0) - margin;
+    let mut stretches = Vec::new();
+    // From fix to fix: a stamp far off must not cost the stretches in between.
+    let mut i = path.t.partition_point(|&t| t < margin);
+    while let Some(&begin) = path.t.get(i).filter(|t| **t + length <= last) {
+        stretches.push((steps.liveliness(begin, begin + length), begin));
+        i = path.t.partition_point(|&t| t < begin + length);
+    }
     let most = (MOST_SECONDS / length) as usize;
     if stretches.len() > most {
         stretches.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -228,5 +223,115 @@ fn spread(grid: &[f64], misfit: &[f64], offset: f64, inflation: f64) -> f64 {
         0.0
     } else {
         variance.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Scenario;
+    use crate::time::Time;
+
+    /// A log of a drive with fixes at 5 Hz, 0.3 m, on a clock that is 0.1 s behind the IMU's.
+    fn drive() -> Vec<Sample> {
+        let mut scenario = Scenario::car_drive(200.0);
+        scenario.imu.rate_hz = 100.0;
+        scenario.gnss.position_rate_hz = 5.0;
+        scenario.gnss.position_sigma_m = [0.3, 0.3, 0.6];
+        scenario.gnss.time_offset_s = -0.1;
+        scenario.simulate(4).expect("valid scenario").samples
+    }
+
+    fn found(samples: &[Sample]) -> ClockOffset {
+        estimate(samples, &Vector3::zeros(), &Search::default()).expect("observable")
+    }
+
+    #[test]
+    fn spoiled_data_do_not_mislead() {
+        let clean = found(&drive());
+        let mut samples = drive();
+        let duplicate = samples[7000];
+        samples.insert(7001, duplicate);
+        samples.drain(9000..9600);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            match sample {
+                Sample::GnssPosition(p) if i % 57 == 0 => {
+                    p.position = p.position.offset(&Vector3::new(40.0, -30.0, 5.0));
+                }
+                Sample::GnssPosition(p) if i % 101 == 0 => p.position.latitude = f64::NAN,
+                Sample::Imu(s) if i % 9001 == 0 => s.specific_force_b.x = f64::NAN,
+                _ => {}
+            }
+        }
+        // One fix from the receiver's first guess of the date.
+        if let Some(Sample::GnssPosition(p)) = samples
+            .iter_mut()
+            .find(|s| matches!(s, Sample::GnssPosition(_)))
+        {
+            p.time = Time(p.time.0 + 1_000_000_000_000_000_000);
+        }
+        let spoiled = found(&samples);
+        assert!(
+            (spoiled.value + 0.1).abs() < 3.0 * spoiled.sigma,
+            "{spoiled:?}"
+        );
+        assert!(spoiled.sigma < 4.0 * clean.sigma, "{clean:?} {spoiled:?}");
+    }
+
+    #[test]
+    fn a_known_lever_arm_is_taken_out() {
+        let arm = [2.5, -0.8, -1.5];
+        let mut scenario = Scenario::car_drive(400.0);
+        scenario.imu.rate_hz = 100.0;
+        scenario.gnss.position_rate_hz = 5.0;
+        scenario.gnss.position_sigma_m = [0.02; 3];
+        scenario.gnss.lever_arm_b_m = arm;
+        let samples = scenario.simulate(4).expect("valid scenario").samples;
+        let with = estimate(&samples, &arm.into(), &Search::default()).expect("observable");
+        let without = found(&samples);
+        assert!(with.value.abs() < 3.0 * with.sigma, "{with:?}");
+        // The negative control: swinging fixes that nothing explains spoil the fit.
+        assert!(with.sigma < 0.8 * without.sigma, "{with:?} {without:?}");
+    }
+
+    #[test]
+    fn an_offset_beyond_the_range_is_not_told_as_one_within() {
+        let late: Vec<_> = drive()
+            .iter()
+            .map(|s| if s.is_inertial() { s.delayed(1.0) } else { *s })
+            .collect();
+        let found = estimate(&late, &Vector3::zeros(), &Search::default());
+        assert!(
+            matches!(found, Err(Error::NotObservable { .. })),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn nothing_and_little_are_errors() {
+        let samples = drive();
+        let only_imu: Vec<_> = samples
+            .iter()
+            .copied()
+            .filter(Sample::is_inertial)
+            .collect();
+        let only_gnss: Vec<_> = samples
+            .iter()
+            .copied()
+            .filter(|s| !s.is_inertial())
+            .collect();
+        for few in [
+            &samples[..0],
+            &samples[..1],
+            &samples[..500],
+            &only_imu[..],
+            &only_gnss[..],
+        ] {
+            let found = estimate(few, &Vector3::zeros(), &Search::default());
+            assert!(
+                matches!(found, Err(Error::NotObservable { .. })),
+                "{found:?}"
+            );
+        }
     }
 }

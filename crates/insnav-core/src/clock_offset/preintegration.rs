@@ -5,8 +5,7 @@ use crate::sample::Sample;
 use crate::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Spacing of the nodes that keep the sensitivities to biases, s. Between them these go on linearly, which costs a centimetre
-/// times the bias in rad/s.
+/// Spacing of the nodes that keep the sensitivities to biases, s. In between these go on with an even acceleration.
 const SENSITIVITY_SPACING: f64 = 0.1;
 
 /// Inertial samples of either kind as steps between stamps: angle and mean specific force over each.
@@ -118,6 +117,9 @@ pub(super) struct Sensitivity {
     pub(super) gyro_bias: Matrix3<f64>,
     /// By the accelerometer bias, m per m/s².
     pub(super) accel_bias: Matrix3<f64>,
+    /// How fast they grow.
+    pub(super) gyro_bias_rate: Matrix3<f64>,
+    pub(super) accel_bias_rate: Matrix3<f64>,
 }
 
 impl Preintegrated {
@@ -159,6 +161,8 @@ impl Preintegrated {
                     t,
                     gyro_bias: b2,
                     accel_bias: -r2,
+                    gyro_bias_rate: b1,
+                    accel_bias_rate: -r1,
                 });
             }
             s += v * h + force * (0.5 * h * h);
@@ -175,6 +179,8 @@ impl Preintegrated {
             t: steps.t[last],
             gyro_bias: b2,
             accel_bias: -r2,
+            gyro_bias_rate: b1,
+            accel_bias_rate: -r1,
         });
         out
     }
@@ -196,11 +202,20 @@ impl Preintegrated {
             .partition_point(|s| s.t <= t)
             .clamp(1, self.sensitivity.len() - 1);
         let (a, b) = (&self.sensitivity[i - 1], &self.sensitivity[i]);
-        let u = (t - a.t) / (b.t - a.t);
+        let (u, k) = (t - a.t, 1.0 / (b.t - a.t));
+        let go_on = |value: &Matrix3<f64>, rate: &Matrix3<f64>, next: &Matrix3<f64>| {
+            let bend = (next - rate) * k;
+            (value + (rate + bend * (0.5 * u)) * u, rate + bend * u)
+        };
+        let (gyro_bias, gyro_bias_rate) = go_on(&a.gyro_bias, &a.gyro_bias_rate, &b.gyro_bias_rate);
+        let (accel_bias, accel_bias_rate) =
+            go_on(&a.accel_bias, &a.accel_bias_rate, &b.accel_bias_rate);
         Sensitivity {
             t,
-            gyro_bias: a.gyro_bias * (1.0 - u) + b.gyro_bias * u,
-            accel_bias: a.accel_bias * (1.0 - u) + b.accel_bias * u,
+            gyro_bias,
+            gyro_bias_rate,
+            accel_bias,
+            accel_bias_rate,
         }
     }
 }
