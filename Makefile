@@ -67,7 +67,7 @@ docs: ## Documentation builds without warnings
 .PHONY: rust
 rust: ## Rust tests, examples in the documentation included
 	$(call step,Rust tests)
-	$(CARGO) test $(LOCKED)
+	$(CARGO) test $(LOCKED) --no-fail-fast
 
 # The host check proves that nothing asks for `std` features; only the bare-metal one proves that nothing links `std`.
 .PHONY: no-std
