@@ -118,8 +118,9 @@ validators: command ## Solutions are read by other programs: mcap, rosbags, evo,
 	check $(OUT)/drive.insnav.mcap
 
 .PHONY: bench
-bench: ## Run the benches
+bench: ## Run the benches, and hold the instruction counts where valgrind is there
 	$(CARGO) bench $(LOCKED)
+	benches/instructions.sh --check
 
 .PHONY: fmt
 fmt: ## Format the Rust code

@@ -9,16 +9,25 @@ use nalgebra::SMatrix;
 /// be put twice; every use is linear, so the parts add.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns<const M: usize> {
-    place: [u8; CAPACITY],
-    value: [[f64; M]; CAPACITY],
+    list: [Column<M>; CAPACITY],
     len: usize,
+}
+
+/// Place and values side by side: the kernel walks through them with one pointer.
+#[derive(Clone, Copy, Debug)]
+struct Column<const M: usize> {
+    place: usize,
+    value: [f64; M],
 }
 
 impl<const M: usize> Default for Columns<M> {
     fn default() -> Self {
+        let empty = Column {
+            place: 0,
+            value: [0.0; M],
+        };
         Columns {
-            place: [0; CAPACITY],
-            value: [[0.0; M]; CAPACITY],
+            list: [empty; CAPACITY],
             len: 0,
         }
     }
@@ -66,33 +75,30 @@ impl<const M: usize> Columns<M> {
     }
 
     #[inline]
-    fn push(&mut self, place: usize, column: [f64; M]) {
-        if self.len == CAPACITY {
-            self.fold_and_push(place, column);
-            return;
+    fn push(&mut self, place: usize, value: [f64; M]) {
+        match self.list.get_mut(self.len) {
+            Some(free) => {
+                *free = Column { place, value };
+                self.len += 1;
+            }
+            None => self.fold_and_push(place, value),
         }
-        self.place[self.len] = place as u8;
-        self.value[self.len] = column;
-        self.len += 1;
     }
 
     /// Push onto a full list: columns that were put again are added up, which makes room, since there are no more places
     /// than the capacity.
     #[cold]
-    fn fold_and_push(&mut self, place: usize, column: [f64; M]) {
+    fn fold_and_push(&mut self, place: usize, value: [f64; M]) {
         let full = *self;
         self.clear();
-        for (p, v) in full.iter().chain([(place, &column)]) {
-            let known = self.place[..self.len]
-                .iter()
-                .position(|&q| usize::from(q) == p);
-            match known {
-                Some(i) => {
-                    for (x, y) in self.value[i].iter_mut().zip(v) {
+        for (place, value) in full.iter().chain([(place, &value)]) {
+            match self.list[..self.len].iter_mut().find(|c| c.place == place) {
+                Some(known) => {
+                    for (x, y) in known.value.iter_mut().zip(value) {
                         *x += y;
                     }
                 }
-                None => self.push(p, *v),
+                None => self.push(place, *value),
             }
         }
     }
@@ -100,23 +106,17 @@ impl<const M: usize> Columns<M> {
     /// The columns: place among the open states, and values.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, &[f64; M])> {
-        self.place
+        self.list[..self.len.min(CAPACITY)]
             .iter()
-            .zip(&self.value)
-            .take(self.len)
-            .map(|(p, v)| (usize::from(*p), v))
+            .map(|c| (c.place, &c.value))
     }
 
     /// The first `L` rows alone.
     pub fn leading<const L: usize>(&self) -> Columns<L> {
         const { assert!(L <= M) };
-        let mut out = Columns {
-            place: self.place,
-            len: self.len,
-            ..Columns::default()
-        };
-        for (to, from) in out.value.iter_mut().zip(&self.value) {
-            to.copy_from_slice(&from[..L]);
+        let mut out = Columns::default();
+        for (place, value) in self.iter() {
+            out.push(place, core::array::from_fn(|i| value[i]));
         }
         out
     }

@@ -110,22 +110,23 @@ impl Covariance {
         self.shear(Transition::ATTITUDE_ROW, &phi.attitude);
         let n = self.layout.len();
         let lanes = n.div_ceil(LANE).min(LANES);
-        for i in 0..n {
+        let (decay, _) = phi.decay.as_chunks::<LANE>();
+        for (i, (row, factor)) in self.p.iter_mut().zip(&phi.decay).enumerate().take(n) {
             // Columns before the slow states keep their values in fast rows: only the slow lanes are touched there.
             let first = if i < Transition::SLOW {
                 Transition::SLOW / LANE
             } else {
                 0
             };
-            for k in first..lanes {
+            for (x, decay) in row[..lanes].iter_mut().zip(decay).skip(first) {
                 for l in 0..LANE {
-                    self.p[i & (CAPACITY - 1)][k][l] *= phi.decay[i] * phi.decay[k * LANE + l];
+                    x[l] *= factor * decay[l];
                 }
             }
         }
         // Noise last: added before a shear it would be sheared too.
-        for i in 0..n {
-            self.p[i & (CAPACITY - 1)][i / LANE][i % LANE] += phi.noise[i];
+        for (i, (row, noise)) in self.p.iter_mut().zip(&phi.noise).enumerate().take(n) {
+            row[i / LANE % LANES][i % LANE] += noise;
         }
     }
 
@@ -133,8 +134,8 @@ impl Covariance {
     #[inline]
     fn shear(&mut self, row: usize, e: &Columns<3>) {
         debug_assert!(row + 3 <= self.layout.len());
-        let n = self.layout.len();
-        for k in 0..n.div_ceil(LANE).min(LANES) {
+        let lanes = self.layout.len().div_ceil(LANE).min(LANES);
+        for k in 0..lanes {
             let mut sum = [self.p[row][k], self.p[row + 1][k], self.p[row + 2][k]];
             for (j, g) in e.iter() {
                 let p = &self.p[j & (CAPACITY - 1)][k];
@@ -164,10 +165,13 @@ impl Covariance {
                 self.set(row + b, row + a, x);
             }
         }
-        for i in 0..n {
-            for a in 0..3 {
-                let x = self.get(row + a, i);
-                self.set(i, row + a, x);
+        // Mirrored lane by lane; the padding of the last one is zero on both sides.
+        for k in 0..lanes {
+            for l in 0..LANE {
+                for a in 0..3 {
+                    let x = self.p[row + a][k][l];
+                    self.set(k * LANE + l, row + a, x);
+                }
             }
         }
     }
@@ -190,14 +194,18 @@ impl Covariance {
     ) -> ([[[f64; LANE]; LANES]; M], SMatrix<f64, M, M>) {
         let lanes = self.layout.len().div_ceil(LANE).min(LANES);
         let mut hp = [[[0.0; LANE]; LANES]; M];
-        for (j, g) in h.iter() {
-            let row = &self.p[j & (CAPACITY - 1)];
-            for a in 0..M {
-                for k in 0..lanes {
+        for k in 0..lanes {
+            let mut sum = [[0.0; LANE]; M];
+            for (j, g) in h.iter() {
+                let p = &self.p[j & (CAPACITY - 1)][k];
+                for a in 0..M {
                     for l in 0..LANE {
-                        hp[a][k][l] += g[a] * row[k][l];
+                        sum[a][l] += g[a] * p[l];
                     }
                 }
+            }
+            for a in 0..M {
+                hp[a][k] = sum[a];
             }
         }
         let mut hph = SMatrix::<f64, M, M>::zeros();
@@ -236,16 +244,16 @@ impl Covariance {
         if ill {
             self.correct_joseph(innovation, h, r);
         } else {
-            for i in 0..n {
-                for k in 0..n.div_ceil(LANE).min(LANES) {
-                    let mut x = self.p[i & (CAPACITY - 1)][k];
-                    for w in &innovation.w {
-                        let wi = w[i / LANE % LANES][i % LANE];
+            let lanes = n.div_ceil(LANE).min(LANES);
+            for (i, row) in self.p.iter_mut().enumerate().take(n) {
+                let wi: [f64; M] =
+                    core::array::from_fn(|m| innovation.w[m][i / LANE % LANES][i % LANE]);
+                for k in 0..lanes {
+                    for (wi, w) in wi.iter().zip(&innovation.w) {
                         for l in 0..LANE {
-                            x[l] -= wi * w[k][l];
+                            row[k][l] -= wi * w[k][l];
                         }
                     }
-                    self.p[i & (CAPACITY - 1)][k] = x;
                 }
             }
         }
@@ -448,13 +456,13 @@ impl<const M: usize> Innovation<M> {
             y[a] *= scale;
             let (done, rest) = w.split_at_mut(a);
             for k in 0..lanes {
-                for l in 0..LANE {
-                    let mut x = rest[0][k][l];
-                    for b in 0..a {
-                        x -= lower[a][b] * done[b][k][l];
+                let mut x = rest[0][k];
+                for (factor, done) in lower[a].iter().zip(&*done) {
+                    for l in 0..LANE {
+                        x[l] -= factor * done[k][l];
                     }
-                    rest[0][k][l] = x * scale;
                 }
+                rest[0][k] = x.map(|x| x * scale);
             }
         }
         let nis = y.iter().map(|y| y * y).sum();

@@ -111,16 +111,21 @@ pub fn fill_base(phi: &mut Transition, layout: &Layout, interval: &Interval, noi
         .put(layout, VELOCITY, &Matrix3::from_diagonal_element(dt));
     let minus_axes_dt = interval.axes_n * -dt;
     phi.velocity.clear();
-    phi.velocity
-        .put(layout, POSITION, &(j.velocity_by_position * dt));
+    // Nothing changes with longitude: the columns of the East error are zero.
+    for axis in [0, 2] {
+        let column = j.velocity_by_position.column(axis) * dt;
+        phi.velocity.put_axis(layout, POSITION, axis, column.into());
+    }
     phi.velocity
         .put(layout, VELOCITY, &(j.velocity_by_velocity * dt));
     phi.velocity
         .put(layout, ATTITUDE, &skew(&(interval.specific_force_n * -dt)));
     phi.velocity.put(layout, ACCEL_BIAS, &minus_axes_dt);
     phi.attitude.clear();
-    phi.attitude
-        .put(layout, POSITION, &(j.attitude_by_position * dt));
+    for axis in [0, 2] {
+        let column = j.attitude_by_position.column(axis) * dt;
+        phi.attitude.put_axis(layout, POSITION, axis, column.into());
+    }
     phi.attitude
         .put(layout, VELOCITY, &(j.attitude_by_velocity * dt));
     phi.attitude

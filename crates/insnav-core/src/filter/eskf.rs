@@ -2,7 +2,7 @@
 
 use super::columns::{Columns, States, part};
 use super::covariance::Covariance;
-use super::dynamics::{GaussMarkov, fill_base};
+use super::dynamics::fill_base;
 use super::gate::Gate;
 use super::layout::{ACCEL_BIAS, ATTITUDE, CAPACITY, GYRO_BIAS, Layout, POSITION, VELOCITY};
 use super::transition::Transition;
@@ -186,8 +186,17 @@ impl Eskf {
             &self.noise,
         );
         self.covariance.propagate(&self.phi);
-        errors.gyro_bias *= GaussMarkov::over(raw.dt, 0.0, self.noise.gyro_bias_tau).decay;
-        errors.accel_bias *= GaussMarkov::over(raw.dt, 0.0, self.noise.accel_bias_tau).decay;
+        // The biases decay as their errors do.
+        let layout = self.covariance.layout();
+        let decays = [
+            (&mut errors.gyro_bias, GYRO_BIAS),
+            (&mut errors.accel_bias, ACCEL_BIAS),
+        ];
+        for (bias, block) in decays {
+            if let Some(decay) = part(layout, &self.phi.decay, block) {
+                bias.component_mul_assign(&decay);
+            }
+        }
     }
 
     /// Widen the uncertainty for a stretch of `dt` seconds in which nobody saw what the body did: rate and specific force

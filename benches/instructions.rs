@@ -1,0 +1,73 @@
+//! One part of the filter, called a thousand times: what benches/instructions.sh counts the instructions of.
+
+mod setup;
+
+use insnav::filter::{Columns, Covariance, Eskf, Gate, Transition, Verdict, fill_base};
+use insnav::mechanization::Interval;
+use nalgebra::{Matrix3, Vector3};
+use std::hint::black_box;
+
+const CALLS: usize = 1000;
+
+// What is counted is collected between entry and return of these: they must exist as functions.
+#[inline(never)]
+fn counted_propagate(p: &mut Covariance, phi: &Transition) {
+    p.propagate(phi);
+}
+
+#[inline(never)]
+fn counted_update(p: &mut Covariance, h: &Columns<3>, r: &Matrix3<f64>, residual: &Vector3<f64>) {
+    let innovation = p.innovation(h, r, residual).expect("positive definite");
+    black_box(p.correct(&innovation, h, r));
+}
+
+#[inline(never)]
+fn counted_dynamics(phi: &mut Transition, p: &Covariance, interval: &Interval) {
+    fill_base(phi, p.layout(), interval, &setup::noise());
+}
+
+#[inline(never)]
+fn counted_step(filter: &mut Eskf) {
+    filter.propagate(&setup::increment(filter.nominal().nav.time));
+}
+
+#[inline(never)]
+fn counted_fix(filter: &mut Eskf, fix: &insnav::measurement::GnssPositionModel, gate: &mut Gate) {
+    let update = filter
+        .update(fix, filter.nominal().nav.time, gate)
+        .expect("positive definite");
+    assert_ne!(update.verdict, Verdict::Rejected);
+}
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let part = arguments.next().unwrap_or_default();
+    let states = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(15);
+    let mut p = setup::covariance(states);
+    let mut phi = setup::transition(p.layout());
+    match part.as_str() {
+        "propagate" => (0..CALLS).for_each(|_| counted_propagate(&mut p, black_box(&phi))),
+        "update" => {
+            let h = setup::velocity_rows(p.layout());
+            let r = Matrix3::from_diagonal_element(1e-4);
+            (0..CALLS).for_each(|_| {
+                counted_update(&mut p.clone(), &h, &r, black_box(&Vector3::repeat(1e-3)))
+            });
+        }
+        "dynamics" => {
+            let interval = setup::interval();
+            (0..CALLS).for_each(|_| counted_dynamics(&mut phi, &p, black_box(&interval)));
+        }
+        "step" => {
+            let mut filter = setup::filter();
+            (0..CALLS).for_each(|_| counted_step(&mut filter));
+        }
+        "fix" => {
+            let filter = setup::filter();
+            let (fix, mut gate) = (setup::fix(&filter), Gate::default());
+            (0..CALLS).for_each(|_| counted_fix(&mut filter.clone(), &fix, &mut gate));
+        }
+        // Without a part, as `cargo bench` calls it, there is nothing to measure here.
+        _ => println!("instructions: run benches/instructions.sh"),
+    }
+}

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Instructions (Ir) per call of the filter's parts, by callgrind: independent of load and clock, so that they can be held to.
+# With --check, anything more than a tenth above what is written here fails.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# part, states, instructions when last measured (rustc 1.95, plain x86-64)
+counts=(
+    "propagate 15 6144"
+    "propagate 21 10559"
+    "update 15 3537"
+    "update 21 5559"
+    "dynamics 15 912"
+    "step 15 8151"
+    "fix 15 5280"
+)
+
+if ! command -v valgrind >/dev/null; then
+    echo "SKIPPED: instruction counts: no valgrind here"
+    exit 0
+fi
+
+bench=$(cargo bench --bench instructions --no-run --message-format=json 2>/dev/null |
+    sed -n 's/.*"executable":"\([^"]*instructions-[^"]*\)".*/\1/p')
+out=$(mktemp)
+trap 'rm -f "$out" "$out.callgrind"' EXIT
+status=0
+for line in "${counts[@]}"; do
+    read -r part states expected <<<"$line"
+    valgrind --tool=callgrind --callgrind-out-file="$out.callgrind" --collect-atstart=no \
+        --toggle-collect="*counted_$part*" "$bench" "$part" "$states" >"$out" 2>&1 || { cat "$out"; exit 1; }
+    ir=$(($(sed -n 's/.*Collected : \([0-9]*\).*/\1/p' "$out") / 1000))
+    printf '%-10s %2d states %6d Ir (%d)\n' "$part" "$states" "$ir" "$expected"
+    if [ "${1:-}" = --check ] && [ $((ir * 10)) -gt $((expected * 11)) ]; then
+        echo "  more than a tenth above"
+        status=1
+    fi
+done
+exit $status
