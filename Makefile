@@ -74,6 +74,7 @@ rust: ## Rust tests, examples in the documentation included
 no-std: begin ## The core builds without std, for a microcontroller where its target can be had
 	$(call step,Core without std)
 	$(CARGO) build $(LOCKED) -p insnav-core --no-default-features --features libm
+	$(CARGO) build $(LOCKED) -p insnav --no-default-features --features libm
 	@if rustc --print target-libdir --target $(EMBEDDED) 2>/dev/null | xargs -I{} test -d {} \
 	    || timeout 120 rustup target add $(EMBEDDED); then \
 	    echo "$(CARGO) build -p insnav-core --target $(EMBEDDED)"; \

@@ -89,6 +89,11 @@ pub enum Event {
         /// Where the filter was.
         filter: Time,
     },
+    /// An aiding sample is stamped after the last inertial one, and was not used.
+    AfterEnd {
+        /// Its stamp.
+        time: Time,
+    },
     /// An inertial sample with a stamp that was already there, and was not used.
     DuplicateImu {
         /// The stamp.

@@ -75,7 +75,7 @@ pub(super) fn level(
 pub(super) fn level_with_velocity(
     imu: &[Inertial],
     velocities: &[GnssVelocity],
-    heading: f64,
+    (heading, heading_sigma): (f64, f64),
     level: &Level,
     noise: &ImuNoise,
 ) -> Option<Level> {
@@ -100,8 +100,11 @@ pub(super) fn level_with_velocity(
     // Forces are averaged in the axes of the first sample of the stretch: turn them back to those of the first of all.
     let before = rotation_over(imu, from.time);
     let force = before * mean_force_b0(&inside, span)? - q_nb.inverse_transform_vector(&horizontal);
-    // Velocity noise over the span; a few degrees of heading error turn as many per cent of the acceleration.
-    let residual = 0.2 / span + 0.1 * horizontal.norm();
+    // Velocity noise over the span, and the chord by which the heading's error turns the acceleration.
+    let residual = 0.2 / span + 2.0 * (0.5 * heading_sigma).sin() * horizontal.norm();
+    if residual > UNKNOWN_ACCELERATION {
+        return None;
+    }
     let tilt_sigma = (residual / STANDARD_GRAVITY).hypot(noise.accel_bias_sigma / STANDARD_GRAVITY);
     Some(Level {
         q_level: from_force(&force),

@@ -59,7 +59,7 @@ impl Fixes<'_> {
 }
 
 impl Startup {
-    /// With nothing yet.
+    /// With no sample yet.
     pub fn new(config: &Config, noise: ImuNoise) -> Self {
         Startup {
             settings: config.alignment,
@@ -79,7 +79,13 @@ impl Startup {
         self.samples.push(sample);
         match sample {
             Sample::GnssPosition(p) => self.positions.push(p),
-            Sample::GnssVelocity(v) => self.velocities.push(v),
+            Sample::GnssVelocity(v) => {
+                if self.velocities.is_empty() {
+                    // From now on it is velocities that are judged, from the first one.
+                    self.judged = 0;
+                }
+                self.velocities.push(v);
+            }
             Sample::Imu(_) | Sample::ImuIncrement(_) => {
                 let first = self.first_inertial.get_or_insert(sample.time());
                 *first = sample.time().min(*first);
@@ -96,6 +102,8 @@ impl Startup {
 
     fn sort(&mut self) {
         self.samples.sort_by_key(|s| (s.time(), s.is_inertial()));
+        self.positions.sort_by_key(|p| p.time);
+        self.velocities.sort_by_key(|v| v.time);
     }
 
     /// A start, if the newest sample has made one possible. Cheap unless it has a chance.
@@ -188,20 +196,15 @@ impl Startup {
             sigma + self.noise.gyro_bias_sigma * 0.1
         });
         let carried = rate_sigma * course.at.since(begin).abs();
+        let heading_sigma = course.sigma.hypot(carried).min(UNKNOWN_SIGMA);
         let level = if level.standing_rate.is_none() {
-            level_with_velocity(&imu, &self.velocities, course.heading, &level, &self.noise)
+            let heading = (course.heading, heading_sigma);
+            level_with_velocity(&imu, &self.velocities, heading, &level, &self.noise)
                 .unwrap_or(level)
         } else {
             level
         };
-        Some(self.assemble(
-            &imu,
-            &fix,
-            &level,
-            &course,
-            course.sigma.hypot(carried).min(UNKNOWN_SIGMA),
-            bias,
-        ))
+        Some(self.assemble(&imu, &fix, &level, &course, heading_sigma, bias))
     }
 
     /// A standing rate above this is no bias but a turn, rad/s.

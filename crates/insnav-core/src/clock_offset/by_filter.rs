@@ -17,6 +17,8 @@ const GRID: f64 = 0.05;
 const SPAN: f64 = 5.0;
 /// A single misfit counts at most this much: outliers say nothing of clocks.
 const MOST: f64 = 16.0;
+/// Fixes closer to the ends of the log than the range and this are not counted, s.
+const MARGIN: f64 = 0.5;
 /// The log is used to this length, s: where the motion tells anything at all, that is enough.
 const LENGTH: f64 = 600.0;
 
@@ -44,7 +46,7 @@ pub fn estimate(
     for k in -half..=half {
         let mut config = *config;
         config.gnss.time_offset_s = f64::from(k) * GRID;
-        misfits.push(run(part, &config, noise, begin)?);
+        misfits.push(run(part, &config, noise, search)?);
     }
     let total: Vec<f64> = misfits.iter().map(|m| m.iter().sum()).collect();
     let best = (0..total.len())
@@ -85,10 +87,14 @@ fn not_observable(reason: &'static str) -> Error {
 }
 
 /// Clipped NIS, summed by spans.
-fn run(samples: &[Sample], config: &Config, noise: &ImuNoise, begin: Time) -> Result<Vec<f64>> {
+fn run(samples: &[Sample], config: &Config, noise: &ImuNoise, search: &Search) -> Result<Vec<f64>> {
+    let begin = samples.first().map_or(Time(0), Sample::time);
     let mut navigator = Navigator::new(config, *noise)?;
+    let end = samples.last().map_or(begin, Sample::time);
+    let margin = search.range + MARGIN;
     let mut spans = Spans {
         begin,
+        counted: (begin.plus(margin), end.plus(-margin)),
         sums: vec![0.0; (LENGTH / SPAN) as usize + 1],
     };
     for sample in samples {
@@ -100,6 +106,8 @@ fn run(samples: &[Sample], config: &Config, noise: &ImuNoise, begin: Time) -> Re
 
 struct Spans {
     begin: Time,
+    /// Fixes that every offset leaves between inertial samples: what only some runs use must not tell.
+    counted: (Time, Time),
     sums: Vec<f64>,
 }
 
@@ -109,6 +117,9 @@ impl Sink for Spans {
     }
 
     fn update(&mut self, update: &Update) {
+        if update.time < self.counted.0 || update.time > self.counted.1 {
+            return;
+        }
         // By the GNSS clock, which no offset moves: every run sorts the same fix into the same span.
         let span = (update.time.since(self.begin) / SPAN).max(0.0) as usize;
         if let Some(sum) = self.sums.get_mut(span) {

@@ -74,11 +74,8 @@ impl GnssPositionAid {
             UNSTATED_POSITION_SIGMA * UNSTATED_POSITION_SIGMA,
         ));
         let interval = self.last.map_or(f64::INFINITY, |last| fix.time.since(last));
-        let dependence = if interval > 0.0 {
-            (2.0 * self.correlation_time / interval).max(1.0)
-        } else {
-            1.0
-        };
+        // The same fix once more says nothing new: its weight is a thousandth.
+        let dependence = (2.0 * self.correlation_time / interval.max(1e-3)).max(1.0);
         GnssPositionModel {
             position: fix.position,
             lever_arm_b: self.lever_arm_b,

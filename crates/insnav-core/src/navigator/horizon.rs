@@ -8,8 +8,8 @@ use crate::time::Time;
 use heapless::Deque;
 use serde::{Deserialize, Serialize};
 
-/// Samples that fit: half a second at 800 Hz with room for aiding. When the ring is full, the oldest is used early.
-pub const HORIZON_CAPACITY: usize = 512;
+/// Samples that fit: a second at 1 kHz, or half a second and the difference of two clocks, with room for aiding. When the ring is full, the oldest is used early.
+pub const HORIZON_CAPACITY: usize = 1024;
 
 /// Samples between the newest stamp and the tail.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -77,6 +77,12 @@ impl Horizon {
     pub(super) fn next_inertial(&self, flush: bool) -> Option<&Sample> {
         let next = self.ring.iter().find(|s| s.is_inertial())?;
         (flush || self.head?.since(next.time()) >= self.delay).then_some(next)
+    }
+
+    /// Wait for a new newest stamp.
+    #[cfg(feature = "std")]
+    pub(super) fn forget_head(&mut self) {
+        self.head = None;
     }
 
     /// The oldest sample.

@@ -27,6 +27,9 @@ const DELAY: f64 = 0.5;
 
 /// A longer interval between inertial samples is a gap, s.
 const GAP: f64 = 0.2;
+/// After a longer gap the run starts anew, s: a car may have turned round, which no linear filter bridges.
+#[cfg(feature = "std")]
+const RESTART_GAP: f64 = 5.0;
 /// What a car may do unseen in a gap, beyond what the samples at its ends show: rate, rad/s, and specific force, m/s².
 const GAP_RATE_SIGMA: f64 = 0.1;
 const GAP_FORCE_SIGMA: f64 = 1.0;
@@ -56,6 +59,9 @@ pub struct Navigator {
     time_offset: f64,
     velocity_lag: f64,
     noise: ImuNoise,
+    /// What a start after a long gap begins with.
+    #[cfg(feature = "std")]
+    afresh: Startup,
     stage: Stage,
     horizon: Horizon,
     builder: IncrementBuilder,
@@ -114,6 +120,8 @@ impl Navigator {
             time_offset: gnss.time_offset_s,
             velocity_lag: gnss.velocity_lag_s,
             noise,
+            #[cfg(feature = "std")]
+            afresh: Startup::new(config, noise),
             stage,
             horizon: Horizon::new(delay),
             builder: IncrementBuilder::default(),
@@ -139,7 +147,9 @@ impl Navigator {
         let (mut nav, errors) = (filter.nominal().nav, filter.nominal().imu_errors);
         let mut builder = self.builder;
         for sample in self.horizon.iter() {
-            if let Some(increment) = build(&mut builder, sample) {
+            if let Some(whole) = build(&mut builder, sample) {
+                // As in the run itself: what lies before the start, or has been moved over, has no part.
+                let (_, increment) = whole.split_at(nav.time);
                 nav.advance(&increment.corrected(&errors.gyro_bias, &errors.accel_bias));
             }
         }
@@ -185,7 +195,20 @@ impl Navigator {
             let alignment = startup.align_with_what_there_is()?;
             self.begin(alignment, sink)?;
         }
-        self.drain(true, sink)
+        let outcome = self.drain(true, sink);
+        // A long gap shortly before the end leaves a start behind that may lack a position: the run before it stands.
+        #[cfg(feature = "std")]
+        if let Stage::Starting(startup) = &mut self.stage
+            && let Ok(alignment) = startup.align_with_what_there_is()
+        {
+            return outcome
+                .and(self.begin(alignment, sink))
+                .and(self.drain(true, sink));
+        }
+        while let Some(aid) = self.horizon.pop_aiding() {
+            sink.event(&Event::AfterEnd { time: aid.time() });
+        }
+        outcome
     }
 
     /// Begin the run at the first sample and catch up with all that was kept.
@@ -269,6 +292,17 @@ impl Navigator {
             return Ok(());
         };
         let last = self.builder.time();
+        #[cfg(feature = "std")]
+        if let Some(from) = last
+            && next.time().since(from) > RESTART_GAP
+        {
+            sink.event(&Event::ImuGap {
+                from,
+                to: next.time(),
+            });
+            self.start_afresh();
+            return Ok(());
+        }
         let mut rest = build(&mut self.builder, &next);
         // A start between two samples: what lies before it has no part in the run.
         let now = filter.nominal().nav.time;
@@ -314,6 +348,20 @@ impl Navigator {
             sink.epoch(&epoch(filter, self.speed.motion_at(next.time())));
         }
         failed.map_or(Ok(()), Err)
+    }
+}
+
+#[cfg(feature = "std")]
+impl Navigator {
+    /// Go back to the start with all that waits in the horizon.
+    fn start_afresh(&mut self) {
+        let mut startup = self.afresh.clone();
+        while let Some(sample) = self.horizon.pop() {
+            startup.push(sample);
+        }
+        self.horizon.forget_head();
+        self.builder.reset();
+        self.stage = Stage::Starting(startup);
     }
 }
 
