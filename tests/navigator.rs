@@ -7,7 +7,7 @@ use insnav::filter::{InitialSigma, Update, Verdict};
 use insnav::imu::{ImuErrors, ImuGrade};
 use insnav::mechanization::NavState;
 use insnav::navigator::Navigator;
-use insnav::sample::{GnssPosition, Heading, Sample};
+use insnav::sample::{GnssPosition, Heading, ImuSample, Sample};
 use insnav::sim::{GnssModel, ImuErrorModel, ImuOutput, Scenario, Simulation};
 use insnav::solution::{Epoch, Event, Sink};
 use insnav::time::Time;
@@ -553,5 +553,72 @@ fn a_measurement_that_never_fits_is_let_in_widened() {
     assert!(
         (before - after - gain * before).abs() < 3e-3,
         "{before} {after} {gain}"
+    );
+}
+
+/// Long gaps end a run and begin another: told, and with a heading that its own sigma covers. Bridging them as one interval, the
+/// heading was wrong by 17 of its sigmas after a minute.
+#[test]
+fn after_a_long_gap_the_run_starts_anew() {
+    let mut scenario = Scenario::car_drive(300.0);
+    scenario.imu.rate_hz = 50.0;
+    let simulation = scenario.simulate(5).expect("a scenario in range");
+    let begin = simulation.trajectory.start();
+    for length in [10.0, 60.0, 120.0] {
+        let (from, to) = (begin.plus(120.0), begin.plus(120.0 + length));
+        let outside = |s: &&Sample| !s.is_inertial() || s.time() <= from || s.time() >= to;
+        let record = run(
+            start(&simulation),
+            simulation.samples.iter().filter(outside),
+        );
+        assert!(
+            record.events.contains(&Event::ImuGap { from, to }),
+            "{length} s"
+        );
+        let restarts = record
+            .events
+            .iter()
+            .filter(|e| matches!(e, Event::Started(_)));
+        assert_eq!(restarts.count(), 1, "{length} s");
+        assert!(
+            record.epochs.iter().any(|e| e.nav.time == to),
+            "the run begins at the first sample"
+        );
+        for epoch in record.epochs.iter().filter(|e| e.nav.time > to.plus(20.0)) {
+            let truth = simulation.truth_at(epoch.nav.time).nav;
+            let error = insnav::attitude::log(&(truth.q_nb * epoch.nav.q_nb.inverse())).z;
+            assert!(
+                error.abs() < 4.0 * epoch.heading_sigma(),
+                "{length} s: {error}"
+            );
+        }
+    }
+}
+
+/// One stamp a day ahead, as from a clock that was set: everything before and behind it is still navigated.
+#[test]
+fn one_stamp_of_the_future_costs_no_other() {
+    let simulation = drive(60.0, 50.0, ImuOutput::Rates);
+    let mut samples = simulation.samples.clone();
+    let at = samples.len() / 2;
+    if let Sample::Imu(s) = samples[at] {
+        samples.insert(
+            at,
+            Sample::Imu(ImuSample {
+                time: s.time.plus(86_400.0),
+                ..s
+            }),
+        );
+    } else {
+        samples.insert(at, samples[at].delayed(86_400.0));
+    }
+    let record = run(start(&simulation), samples.iter());
+    let end = simulation.trajectory.start().plus(60.0);
+    for epoch in record.epochs.iter().filter(|e| e.nav.time <= end) {
+        assert!(epoch.covariance.iter().all(|x| x.is_finite()));
+    }
+    assert!(
+        record.epochs.iter().all(|e| e.nav.time <= end),
+        "no epoch in the future"
     );
 }

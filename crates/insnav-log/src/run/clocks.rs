@@ -44,7 +44,7 @@ pub(super) fn find_clocks(
             break;
         }
         // A withheld fix must not tell the clock either.
-        if !is_withheld(&withholding, &sample) {
+        if !is_withheld(&withholding, &sample, plan.config.gnss.velocity_lag_s) {
             samples.push(sample);
         }
     }

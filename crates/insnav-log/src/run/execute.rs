@@ -33,7 +33,7 @@ impl Plan {
         for sample in source.samples()? {
             let sample = sample?;
             imu_samples += usize::from(sample.is_inertial());
-            if is_withheld(&withholding, &sample) {
+            if is_withheld(&withholding, &sample, self.config.gnss.velocity_lag_s) {
                 if let Sample::GnssPosition(fix) = &sample {
                     withheld += 1;
                     tally.sink().withheld(fix);
@@ -85,9 +85,16 @@ fn given(value: f64) -> Estimate {
 }
 
 /// Whether a sample is a fix that the navigator must not see.
-pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample) -> bool {
-    matches!(sample, Sample::GnssPosition(_) | Sample::GnssVelocity(_))
-        && withholding.takes(sample.time())
+/// Whether a fix is kept from the navigator: by its stamp or, for a velocity, by the instant at which it was valid.
+pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample, velocity_lag: f64) -> bool {
+    let time = sample.time();
+    match sample {
+        Sample::GnssPosition(_) => withholding.takes(time),
+        Sample::GnssVelocity(_) => {
+            withholding.takes(time) || withholding.takes(time.plus(-velocity_lag))
+        }
+        _ => false,
+    }
 }
 
 /// What the run itself brought to light.

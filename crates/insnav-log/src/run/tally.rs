@@ -170,7 +170,10 @@ impl<S: Sink> Sink for Tally<'_, S> {
 
     fn event(&mut self, event: &Event) {
         match event {
-            Event::Started(a) => self.alignment = Some(alignment(a, self.origin)),
+            Event::Started(a) => {
+                // A start after a long gap is told as the gap: the report is on how the run began.
+                self.alignment.get_or_insert(alignment(a, self.origin));
+            }
             Event::ImuGap { from, to } => {
                 self.events.imu_gaps += 1;
                 self.events.longest_gap_s = self.events.longest_gap_s.max(to.since(*from));
