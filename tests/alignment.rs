@@ -109,6 +109,30 @@ fn standing_then_driving_off_with_positions_alone() {
     check_starts(&scenario, HeadingSource::CoursePosition, [1.5, 12.0]);
 }
 
+/// One fix in a hundred is off by 50 m or 5 m/s in some direction, while standing too: no course.
+#[test]
+fn outliers_are_no_course() {
+    let mut scenario = from_standstill();
+    scenario.duration_s = 80.0;
+    scenario.gnss.outlier_probability = 0.01;
+    scenario.gnss.position_rate_hz = 5.0;
+    scenario.gnss.velocity_rate_hz = 5.0;
+    for (velocity_rate_hz, source) in [
+        (5.0, HeadingSource::CourseVelocity),
+        (0.0, HeadingSource::CoursePosition),
+    ] {
+        scenario.gnss.velocity_rate_hz = velocity_rate_hz;
+        for seed in 0..20 {
+            let simulation = scenario.simulate(seed).unwrap();
+            let alignment = start(&simulation.samples, &Config::default()).unwrap();
+            assert_eq!(alignment.heading_source, source);
+            // The tilt suffers, as an outlier also ends what is taken for standing; the heading must not.
+            let error = normalised(&alignment, &simulation).z;
+            assert!(error.abs() < 3.0, "seed {seed}, {source:?}: {error} sigmas");
+        }
+    }
+}
+
 #[test]
 fn starting_at_speed_and_braking() {
     let brake = Leg {

@@ -393,9 +393,9 @@ fn swapped_inertial_samples_fall_into_place() {
 /// More samples than the ring holds: they are used early, none is lost, and none is used twice.
 #[test]
 fn a_full_ring_loses_nothing() {
-    let simulation = drive(4.0, 2000.0, ImuOutput::Rates);
+    let simulation = drive(4.0, 4000.0, ImuOutput::Rates);
     let record = run(start(&simulation), &simulation.samples);
-    assert_eq!(record.epochs.len(), 8001);
+    assert_eq!(record.epochs.len(), 16_001);
     assert!(record.epochs.is_sorted_by(|a, b| a.nav.time < b.nav.time));
     assert_eq!(record.updates.len(), 2 * 21);
     // A sample that is late within the delay but not within what the full ring still holds.
@@ -405,7 +405,7 @@ fn a_full_ring_loses_nothing() {
         .position(|s| s.is_inertial() && s.time() == simulation.trajectory.start().plus(1.0))
         .expect("a stamp");
     let moved = samples.remove(at);
-    samples.insert(at + 800, moved);
+    samples.insert(at + 1600, moved);
     let mut navigator = start(&simulation);
     let mut record = Record::default();
     let errors: Vec<Error> = samples
@@ -417,7 +417,7 @@ fn a_full_ring_loses_nothing() {
         "{errors:?}"
     );
     navigator.finish(&mut record).expect("good samples");
-    assert_eq!(record.epochs.len(), 8000);
+    assert_eq!(record.epochs.len(), 16_000);
 }
 
 /// Two seconds without inertial samples while the car drives: told, bridged, and honestly uncertain.
@@ -621,4 +621,28 @@ fn one_stamp_of_the_future_costs_no_other() {
         record.epochs.iter().all(|e| e.nav.time <= end),
         "no epoch in the future"
     );
+}
+
+/// Fixes behind the last inertial sample cannot be used: each is told.
+#[test]
+fn aiding_after_the_end_is_told() {
+    let simulation = drive(20.0, 50.0, ImuOutput::Rates);
+    let end = simulation.trajectory.start().plus(18.0);
+    let kept = simulation
+        .samples
+        .iter()
+        .filter(|s| !s.is_inertial() || s.time() <= end);
+    let record = run(start(&simulation), kept);
+    let told = record
+        .events
+        .iter()
+        .filter(|e| matches!(e, Event::AfterEnd { .. }))
+        .count();
+    let behind = simulation
+        .samples
+        .iter()
+        .filter(|s| !s.is_inertial() && s.time() > end)
+        .count();
+    assert!(behind > 0);
+    assert_eq!(told, behind);
 }

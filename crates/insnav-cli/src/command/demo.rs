@@ -78,6 +78,8 @@ impl Demo {
         )?;
         let mut config = Config::default();
         config.imu.grade = Some(ImuGrade::Consumer);
+        // The errors of the simulated fixes are independent, those of real receivers are not.
+        config.gnss.correlation_time_s = 0.0;
         write_file(&config_path, &config_text(&config))?;
 
         let log = Log::open(&log_path, ReadOptions::default())?;

@@ -173,6 +173,18 @@ pub(super) fn execute(
     options: &RunOptions,
     force: bool,
 ) -> Result<Outcome, Failure> {
+    if let (Ok(a), Ok(b)) = (input.canonicalize(), output.canonicalize())
+        && a == b
+    {
+        return Err(Failure::new(
+            "output_is_input",
+            format!(
+                "{}: the solution would take the place of the log",
+                output.display()
+            ),
+            "name another output with `-o`",
+        ));
+    }
     let plan = Plan::make(log, config, options)?;
     let mut sink_options = plan.sink_options();
     sink_options.force = force;

@@ -17,7 +17,7 @@ fn it_runs_without_anything_and_its_errors_fit_its_sigmas() {
         assert!(folder.path("demo").join(name).is_file(), "{name}");
     }
     let c = &json["comparison"];
-    for quantity in ["velocity", "attitude"] {
+    for quantity in ["position", "velocity", "attitude"] {
         let nees = c["all"]["nees"][quantity].as_f64().unwrap();
         // One run holds some tens of independent errors (three components, correlated over minutes): the 99.9 % band of a
         // mean of 20 unit chi-squares is 0.28 to 2.3.

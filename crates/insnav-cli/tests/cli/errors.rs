@@ -190,6 +190,15 @@ fn an_output_that_cannot_be_written() {
 }
 
 #[test]
+fn the_recording_is_never_the_output() {
+    let folder = Folder::with_drive();
+    let log = folder.text("drive.mcap");
+    let before = std::fs::read(folder.path("drive.mcap")).unwrap();
+    insnav_json(["run", &log, "-o", &log, "--force"]).failed(1, "output_is_input");
+    assert_eq!(std::fs::read(folder.path("drive.mcap")).unwrap(), before);
+}
+
+#[test]
 fn an_output_that_exists_is_kept_without_force() {
     let folder = Folder::with_drive();
     std::fs::write(folder.path("drive.insnav.mcap"), "precious").unwrap();

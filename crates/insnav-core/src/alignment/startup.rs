@@ -1,6 +1,6 @@
 //! The start of a run: keeps samples until attitude, position and heading are known at the first of them.
 
-use super::course::{self, Course};
+use super::course::{self, Course, Tilt};
 use super::levelling::{Level, level, level_with_velocity};
 use super::track::{Inertial, Track, inertial};
 use super::{Alignment, HeadingSource};
@@ -190,11 +190,16 @@ impl Startup {
             rate + level.q_level.inverse_transform_vector(&earth_down)
         });
         let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
-        let course = self.heading(fixes, &track, begin);
         // What the gyros add while they carry the heading back.
         let rate_sigma = bias.map_or(self.noise.gyro_bias_sigma, |(_, sigma)| {
             sigma + self.noise.gyro_bias_sigma * 0.1
         });
+        let tilt = Tilt {
+            begin,
+            sigma: level.tilt_sigma,
+            rate_sigma,
+        };
+        let course = self.heading(fixes, &track, &tilt);
         let carried = rate_sigma * course.at.since(begin).abs();
         let heading_sigma = course.sigma.hypot(carried).min(UNKNOWN_SIGMA);
         let level = if level.standing_rate.is_none() {
@@ -212,11 +217,11 @@ impl Startup {
         4.0 * self.noise.gyro_bias_sigma + EARTH_RATE
     }
 
-    fn heading(&self, fixes: Option<usize>, track: &Track, begin: Time) -> Course {
+    fn heading(&self, fixes: Option<usize>, track: &Track, tilt: &Tilt) -> Course {
         let other = |heading, sigma, source| Course {
             heading,
             sigma,
-            at: begin,
+            at: tilt.begin,
             source,
             reversing: false,
         };
@@ -228,7 +233,7 @@ impl Startup {
             return other(heading.to_radians(), sigma, HeadingSource::Given);
         }
         let found = fixes.and_then(|count| match self.fixes() {
-            Fixes::Velocities(all) => course::by_velocity(&all[..count], track),
+            Fixes::Velocities(all) => course::by_velocity(&all[..count], track, tilt),
             Fixes::Positions(all) => course::by_position(&all[..count], track),
         });
         found.unwrap_or_else(|| other(0.0, UNKNOWN_SIGMA, HeadingSource::Unknown))
