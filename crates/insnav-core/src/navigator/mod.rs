@@ -12,7 +12,7 @@ use crate::alignment::{Alignment, Startup};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::filter::{Eskf, InitialSigma};
-use crate::imu::{ImuErrors, ImuNoise};
+use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
@@ -317,6 +317,9 @@ impl Navigator {
                 to: next.time(),
             });
             filter.bridge(increment.dt, GAP_RATE_SIGMA, GAP_FORCE_SIGMA);
+            if matches!(next, Sample::ImuIncrement(_)) {
+                rest = Some(held_over_gap(increment));
+            }
         }
         let mut failed = None;
         while let Some(aid) = self.horizon.pop_aiding() {
@@ -370,6 +373,23 @@ fn build(builder: &mut IncrementBuilder, sample: &Sample) -> Option<Increment> {
         Sample::Imu(s) => builder.push(s),
         Sample::ImuIncrement(s) => builder.push_increment(s),
         _ => None,
+    }
+}
+
+/// An increment over a gap. A unit that did not count on in between gives that of its last interval alone, which gravity
+/// shows: it is then held for the whole gap, as rates are.
+fn held_over_gap(increment: &Increment) -> Increment {
+    let expected = STANDARD_GRAVITY * increment.dt;
+    let seen = increment.velocity_b.norm();
+    let factor = if seen > 0.0 && seen < 0.5 * expected {
+        expected / seen
+    } else {
+        1.0
+    };
+    Increment {
+        rotation_b: increment.rotation_b * factor,
+        velocity_b: increment.velocity_b * factor,
+        ..*increment
     }
 }
 
