@@ -538,7 +538,7 @@ fn clock_differences_are_taken_out() {
         let navigator = Navigator::aligned(&config, noise, nav, ImuErrors::default(), &sigma())
             .expect("valid settings");
         let record = run(navigator, &simulation.samples);
-        let last = record.epochs.last().expect("epochs").clone();
+        let last = *record.epochs.last().expect("epochs");
         let mean = |name: &str| {
             let of: Vec<f64> = record
                 .updates
