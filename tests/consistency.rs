@@ -253,7 +253,8 @@ fn errors_are_as_large_as_the_filter_says() {
         assert!(outside[b] <= 2, "{name}: {} of {EPOCHS}", outside[b]);
     }
     // The mean of 75 000 squares is 1 ± 0.005. Velocities have a little more: the rate that swings the antenna is measured,
-    // and its white noise (strong here: 12 mrad/s at 50 Hz) is not in their R.
+    // and its white noise (strong here: 12 mrad/s at 50 Hz, 2 cm/s at the antenna) is not in their R. The long run shows it as
+    // NEES/dof of 1.05 in position and 1.04 in velocity; with the antenna in the unit, all five are 1.00 ± 0.01.
     assert!((ensemble.nis[0] - 1.0).abs() < 0.03, "{:?}", ensemble.nis);
     assert!((ensemble.nis[1] - 1.0).abs() < 0.10, "{:?}", ensemble.nis);
 }
