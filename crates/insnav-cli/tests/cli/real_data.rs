@@ -43,6 +43,17 @@ fn clocks_of_the_rtk_drive_are_found_and_used() {
         "{lag} ± {sigma}"
     );
     assert_eq!(json["withheld"], 1098);
+    // The other half, of positions and of velocities, is used: bars on withheld fixes mean little without them.
+    for name in ["gnss_position", "gnss_velocity"] {
+        let aiding = json["aiding"].as_array().unwrap();
+        let aid = aiding.iter().find(|a| a["name"] == name).expect(name);
+        let looked_at: u64 = ["used", "inflated", "rejected"]
+            .iter()
+            .map(|k| aid[k].as_u64().unwrap())
+            .sum();
+        assert!(looked_at > 1080, "{name}: {looked_at}");
+    }
+    assert_eq!(json["alignment"]["heading_source"], "course_velocity");
 
     let done = insnav_json(["compare", &out, &gnss.display().to_string(), "--course"]);
     assert_eq!(done.code, 0, "{}", done.stderr);

@@ -206,3 +206,16 @@ fn altitudes_above_the_sea_are_raised_by_the_geoid() {
     // Gravity and curvature change by 1e-5 over such a height.
     assert!((raised - 45.5).abs() < 1e-2, "{raised}");
 }
+
+/// At 5 Hz a lag of 0.11 s is more than half the interval: half of the velocities must be left all the same.
+#[test]
+fn withholding_leaves_velocities_whatever_their_lag() {
+    let folder = Folder::with_drive();
+    let whole = run(&folder, &["--set", "gnss.velocity_lag_s=0.11"]);
+    let half = run(
+        &folder,
+        &["--withhold", "every:2", "--set", "gnss.velocity_lag_s=0.11"],
+    );
+    let (all, left) = (used(&whole, "gnss_velocity"), used(&half, "gnss_velocity"));
+    assert!(left.abs_diff(all / 2) <= 2, "{left} of {all}");
+}

@@ -85,14 +85,11 @@ fn given(value: f64) -> Estimate {
 }
 
 /// Whether a sample is a fix that the navigator must not see.
-/// Whether a fix is kept from the navigator: by its stamp or, for a velocity, by the instant at which it was valid.
 pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample, velocity_lag: f64) -> bool {
     let time = sample.time();
     match sample {
         Sample::GnssPosition(_) => withholding.takes(time),
-        Sample::GnssVelocity(_) => {
-            withholding.takes(time) || withholding.takes(time.plus(-velocity_lag))
-        }
+        Sample::GnssVelocity(_) => withholding.takes_velocity(time, velocity_lag),
         _ => false,
     }
 }

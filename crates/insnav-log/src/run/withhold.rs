@@ -98,6 +98,16 @@ impl Withholding {
         }
     }
 
+    /// Whether the velocity with this stamp is withheld, valid `lag` seconds before it.
+    ///
+    /// In an interval neither its stamp nor its instant may lie: a velocity stamped after an outage may be of its end. An
+    /// epoch has one velocity, the one with its stamp: taking the neighbour's as well would leave none at all when the lag is
+    /// about half the interval of the fixes.
+    pub(super) fn takes_velocity(&self, time: Time, lag: f64) -> bool {
+        let by_instant = matches!(self.rule, Withhold::Intervals(_)) && self.takes(time.plus(-lag));
+        by_instant || self.takes(time)
+    }
+
     /// Number of the epoch nearest to a stamp.
     fn epoch(&self, time: Time) -> Option<usize> {
         let after = self.epochs.partition_point(|&e| e < time);
@@ -150,5 +160,23 @@ mod tests {
             [101.9, 102.0, 102.5, 103.0, 103.1].map(|t| w.takes(at(t))),
             [false, true, true, true, false]
         );
+    }
+
+    #[test]
+    fn a_lag_of_half_an_interval_leaves_every_second_velocity() {
+        let epochs: Vec<Time> = (0..100).map(|i| at(0.25 * f64::from(i))).collect();
+        let w = Withholding::new(Withhold::Every(2), at(0.0), epochs.clone());
+        for lag in [0.0, 0.077, 0.125, 0.128, 0.24] {
+            let taken = epochs.iter().filter(|&&e| w.takes_velocity(e, lag)).count();
+            assert_eq!(taken, 50, "lag {lag}");
+        }
+    }
+
+    #[test]
+    fn an_outage_has_no_velocity_by_stamp_nor_by_instant() {
+        let w = Withholding::new("2:3".parse().unwrap(), at(0.0), Vec::new());
+        // Stamped before, inside, and after but valid inside; then valid after.
+        let taken = [1.9, 2.05, 2.5, 3.05, 3.2].map(|t| w.takes_velocity(at(t), 0.128));
+        assert_eq!(taken, [false, true, true, true, false]);
     }
 }
