@@ -3,9 +3,11 @@
 use crate::cdr::CdrError;
 use crate::container::{Contents, Message, Messages, Source};
 use crate::error::LogError;
+use crate::imu_units::ImuUnits;
 use crate::ros2::{Decode, Header, NavSatFix};
 use crate::samples::{Samples, gnss_position};
 use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
+use crate::velocity_axes::VelocityAxes;
 use insnav_core::config::Config;
 use insnav_core::sample::GnssPosition;
 use insnav_core::time::Time;
@@ -50,6 +52,10 @@ pub struct ReadOptions {
     pub reorder_window_s: f64,
     /// Height of the geoid above the ellipsoid, m, added to every altitude: for receivers that publish height above sea level.
     pub geoid_height_m: f64,
+    /// Units of the IMU's messages.
+    pub imu_units: ImuUnits,
+    /// Axes of GNSS velocity messages.
+    pub gnss_velocity_axes: VelocityAxes,
     /// Largest uncompressed size of a chunk, bytes: a damaged size is refused before memory is reserved for it.
     pub chunk_size_limit: usize,
 }
@@ -63,6 +69,8 @@ impl Default for ReadOptions {
             time_source: TimeSource::Header,
             reorder_window_s: 1.0,
             geoid_height_m: 0.0,
+            imu_units: ImuUnits::default(),
+            gnss_velocity_axes: VelocityAxes::default(),
             chunk_size_limit: 1 << 30,
         }
     }

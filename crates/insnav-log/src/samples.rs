@@ -10,7 +10,7 @@ use crate::ros2::{
 };
 use crate::topics::Role;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, ImuSample, Sample};
+use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -135,14 +135,15 @@ impl<'a> Samples<'a> {
             Decoder::Imu => {
                 let imu = Imu::decode(message.data).map_err(undecodable)?;
                 let time = self.log.choose_stamp(imu.header.stamp, &message);
-                let sample = ImuSample {
-                    time,
-                    angular_rate_b: self.to_body * imu.angular_velocity,
-                    specific_force_b: self.to_body * imu.linear_acceleration,
-                };
-                let sum = sample.angular_rate_b.sum() + sample.specific_force_b.sum();
+                let sum = imu.angular_velocity.sum() + imu.linear_acceleration.sum();
                 self.counts.imu_not_finite += u64::from(!sum.is_finite());
-                (imu.header.stamp, Some(Sample::Imu(sample)))
+                let sample = options.imu_units.sample(
+                    time,
+                    &self.to_body,
+                    &imu.angular_velocity,
+                    &imu.linear_acceleration,
+                );
+                (imu.header.stamp, Some(sample))
             }
             Decoder::NavSatFix => {
                 let fix = NavSatFix::decode(message.data).map_err(undecodable)?;
@@ -174,6 +175,9 @@ impl<'a> Samples<'a> {
                     )
                 };
                 let time = self.log.choose_stamp(header.stamp, &message);
+                let axes = options.gnss_velocity_axes;
+                let linear = axes.to_enu(&linear);
+                let covariance = covariance.map(|p| axes.covariance_to_enu(&p));
                 let sample = gnss_velocity(time, &linear, covariance);
                 self.counts.dropped_velocity_not_finite += u64::from(sample.is_none());
                 (header.stamp, sample.map(Sample::GnssVelocity))
@@ -191,7 +195,7 @@ impl<'a> Samples<'a> {
     fn release(&mut self, sample: Sample) -> Result<Option<Sample>, LogError> {
         let time = sample.time();
         match &sample {
-            Sample::Imu(_) => {
+            Sample::Imu(_) | Sample::ImuIncrement(_) => {
                 if let Some(previous) = self.last_imu.filter(|previous| time < *previous) {
                     return Err(LogError::StampBackward {
                         path: self.log.path().into(),

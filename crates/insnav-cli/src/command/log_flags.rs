@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use insnav_core::config::Config;
-use insnav_log::{ImuAxes, ReadOptions, Role, TimeSource};
+use insnav_log::{ImuAxes, ImuUnits, ReadOptions, Role, TimeSource, VelocityAxes};
 
 /// Axes of IMU messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -33,6 +33,19 @@ pub(super) struct LogFlags {
     /// Axes of the IMU messages
     #[arg(long, value_enum, default_value = "flu", value_name = "AXES")]
     imu_axes: Axes,
+
+    /// Units of the IMU messages, such as g,deg/s, or m/s,rad for increments; a number in front is a factor: 0.001g, -1m/s2
+    #[arg(
+        long,
+        value_name = "UNITS",
+        default_value = "m/s2,rad/s",
+        allow_hyphen_values = true
+    )]
+    imu_units: ImuUnits,
+
+    /// Where x, y and z of GNSS velocity messages point, such as enu or ned
+    #[arg(long, value_name = "AXES", default_value = "enu")]
+    gnss_velocity_axes: VelocityAxes,
 
     /// Mounting of the IMU in the vehicle, degrees, such as roll=90,yaw=-90 (the angles of a URDF, in the axes of --imu-axes)
     #[arg(long, value_name = "ANGLES", value_parser = mounting, allow_hyphen_values = true)]
@@ -72,6 +85,8 @@ impl LogFlags {
                 Clock::Publish => TimeSource::Publish,
             },
             geoid_height_m: self.altitude.0,
+            imu_units: self.imu_units,
+            gnss_velocity_axes: self.gnss_velocity_axes,
             ..ReadOptions::default()
         }
         .with_mounting_of(config)
