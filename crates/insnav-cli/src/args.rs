@@ -1,13 +1,14 @@
 //! The arguments as a whole: one verb, one format.
 
-use crate::command::{Compare, Convert, Demo, Info, Run};
+use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Run};
 use crate::failure::Failure;
 use crate::output::{Format, Output};
 use clap::{Parser, Subcommand};
 
 /// INS/GNSS navigation of recorded logs, with honest uncertainty.
 ///
-/// Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but with warnings about the data under --strict.
+/// Exit codes: 0 done, 1 failed, 2 wrong usage (a flag, its value, or a combination), 3 done, but with warnings about the
+/// data under --strict; 130 and 143 when interrupted, which leaves no half-written file behind.
 #[derive(Debug, Parser)]
 #[command(name = "insnav", version, max_term_width = 120)]
 pub(crate) struct Cli {
@@ -32,6 +33,8 @@ pub(crate) enum Verb {
     Compare(Compare),
     Convert(Convert),
     Demo(Demo),
+    Completions(Completions),
+    Man(Man),
 }
 
 impl Verb {
@@ -43,6 +46,8 @@ impl Verb {
             Verb::Compare(verb) => verb.run(output),
             Verb::Convert(verb) => verb.run(output),
             Verb::Demo(verb) => verb.run(output),
+            Verb::Completions(verb) => verb.run(output),
+            Verb::Man(verb) => verb.run(output),
         }
     }
 }

@@ -1,44 +1,48 @@
-//! Why a command did not do its job: the same three parts for people and for programs.
+//! Why a command did not do its job: the same three parts for people and for programs, and an exit code.
 
-use insnav_log::{ConfigError, LogError, RunError};
+use insnav_log::{ConfigError, LogError, Problem, RunError};
 use serde::Serialize;
-use std::error::Error;
 
 /// Exit code of a command that failed.
 pub(crate) const FAILED: u8 = 1;
-/// Exit code of wrong usage.
+/// Exit code of wrong usage: a flag, a value of a flag, or a combination of flags.
 pub(crate) const USAGE: u8 = 2;
 /// Exit code of a command that did its job on data with warnings, under `--strict`.
 pub(crate) const WARNED: u8 = 3;
+/// Exit code when the reader of a binary output went away: that of a process ended by SIGPIPE.
+pub(crate) const PIPE_CLOSED: u8 = 128 + 13;
 
 /// A failure, with what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Failure {
-    /// A short name for programs.
-    pub(crate) code: String,
-    /// What happened, and where.
-    pub(crate) message: String,
-    /// What to do about it.
-    pub(crate) remedy: String,
+    #[serde(flatten)]
+    pub(crate) problem: Problem,
     /// How the process ends.
     #[serde(skip)]
     pub(crate) exit: u8,
+    /// Nobody is there to be told.
+    #[serde(skip)]
+    pub(crate) quiet: bool,
 }
 
 impl Failure {
-    pub(crate) fn new(code: &str, message: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Failure {
-            code: code.into(),
-            message: message.into(),
-            remedy: remedy.into(),
-            exit: FAILED,
-        }
+    pub(crate) fn new(
+        code: &'static str,
+        message: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Problem::new(code, message, remedy).into()
     }
 
     pub(crate) fn usage(message: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Failure::new("usage", message, remedy).as_usage()
+    }
+
+    /// The same, laid to what was typed.
+    pub(crate) fn as_usage(self) -> Self {
         Failure {
             exit: USAGE,
-            ..Failure::new("usage", message, remedy)
+            ..self
         }
     }
 
@@ -52,44 +56,63 @@ impl Failure {
     }
 
     /// A file that cannot be written.
-    pub(crate) fn not_writable(path: &std::path::Path, error: &std::io::Error) -> Self {
-        Failure::new(
-            "output_not_writable",
-            format!("{}: cannot be written: {error}", path.display()),
-            "choose a folder that exists, can be written and has room",
-        )
+    pub(crate) fn not_writable(path: &std::path::Path, error: std::io::Error) -> Self {
+        LogError::OutputNotWritable {
+            path: path.into(),
+            source: error,
+        }
+        .into()
     }
 }
 
-/// An error with its causes in one line.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        let cause_text = cause.to_string();
-        // Some errors repeat their cause in their own text.
-        if !text.contains(&cause_text) {
-            text = format!("{text}: {cause_text}");
-        }
-        next = cause.source();
+impl std::ops::Deref for Failure {
+    type Target = Problem;
+
+    fn deref(&self) -> &Problem {
+        &self.problem
     }
-    text
+}
+
+impl From<Problem> for Failure {
+    fn from(problem: Problem) -> Self {
+        Failure {
+            problem,
+            exit: FAILED,
+            quiet: false,
+        }
+    }
 }
 
 impl From<LogError> for Failure {
     fn from(e: LogError) -> Self {
-        Failure::new(e.code(), chain(&e), e.remedy())
+        match &e {
+            LogError::OutputNotWritable { path, source }
+                if insnav_log::is_standard_stream(path)
+                    && source.kind() == std::io::ErrorKind::BrokenPipe =>
+            {
+                Failure {
+                    exit: PIPE_CLOSED,
+                    quiet: true,
+                    ..Problem::from(e).into()
+                }
+            }
+            LogError::OutputIsTerminal => Failure::from(Problem::from(e)).as_usage(),
+            _ => Problem::from(e).into(),
+        }
     }
 }
 
 impl From<ConfigError> for Failure {
     fn from(e: ConfigError) -> Self {
-        Failure::new(e.code(), chain(&e), e.remedy())
+        Problem::from(e).into()
     }
 }
 
 impl From<RunError> for Failure {
     fn from(e: RunError) -> Self {
-        Failure::new(e.code(), chain(&e), e.remedy())
+        match e {
+            RunError::Log(e) => e.into(),
+            e => Problem::from(e).into(),
+        }
     }
 }

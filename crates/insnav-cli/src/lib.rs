@@ -2,12 +2,15 @@
 //!
 //! Results go to standard output, as text or as one JSON object; everything said about them goes to standard error. A failure
 //! is one object `{error: {code, message, remedy}}` in JSON mode. Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but
-//! with warnings about the data under `--strict`.
+//! with warnings about the data under `--strict`; 130 and 143 interrupted and terminated, 141 when the reader of a solution
+//! on standard output went away.
 
 mod args;
 mod command;
 mod failure;
+mod interrupt;
 mod output;
+mod progress;
 mod text;
 
 use clap::Parser;
@@ -41,13 +44,23 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let output = Output::new(parsed.format);
-    match parsed.verb.run(&output) {
-        Ok(code) => ExitCode::from(code),
+    interrupt::leave_nothing_behind();
+    let code = match parsed.verb.run(&output) {
+        Ok(code) => code,
         Err(failure) => {
-            output.failure(&failure);
-            ExitCode::from(failure.exit)
+            if !failure.quiet {
+                output.failure(&failure);
+            }
+            failure.exit
         }
-    }
+    };
+    ExitCode::from(match output.undelivered() {
+        Some(failure) => {
+            output.complain(&failure);
+            failure.exit.max(code)
+        }
+        None => code,
+    })
 }
 
 /// Whether the arguments, which did not parse as a whole, ask for JSON.

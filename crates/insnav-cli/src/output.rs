@@ -3,7 +3,8 @@
 use crate::failure::Failure;
 use insnav_log::Warning;
 use serde::Serialize;
-use std::io::{IsTerminal, Write};
+use std::cell::{Cell, RefCell};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 
 /// How a command answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -19,6 +20,10 @@ pub(crate) enum Format {
 pub(crate) struct Output {
     format: Format,
     colour: bool,
+    /// Standard output carries a file: text and JSON go to standard error.
+    binary: Cell<bool>,
+    /// What kept a result from being told.
+    undelivered: RefCell<Option<io::Error>>,
 }
 
 impl Output {
@@ -27,7 +32,38 @@ impl Output {
         let refused = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
         Output {
             format,
-            colour: !refused && std::io::stderr().is_terminal(),
+            colour: !refused && io::stderr().is_terminal(),
+            binary: Cell::new(false),
+            undelivered: RefCell::new(None),
+        }
+    }
+
+    /// From now on standard output belongs to a file that is written there.
+    pub(crate) fn leave_stdout_to_a_file(&self) {
+        self.binary.set(true);
+    }
+
+    /// Why a result could not be told, if so. A reader that closed the pipe has seen enough: that is no failure.
+    pub(crate) fn undelivered(&self) -> Option<Failure> {
+        let error = self.undelivered.take()?;
+        Some(Failure::new(
+            "output_not_writable",
+            format!("standard output: cannot be written: {error}"),
+            "make room where standard output goes",
+        ))
+    }
+
+    fn print(&self, text: &str) {
+        let written = if self.binary.get() {
+            writeln!(io::stderr(), "{text}")
+        } else {
+            let mut out = io::stdout();
+            writeln!(out, "{text}").and_then(|()| out.flush())
+        };
+        if let Err(error) = written
+            && error.kind() != ErrorKind::BrokenPipe
+        {
+            self.undelivered.borrow_mut().get_or_insert(error);
         }
     }
 
@@ -43,8 +79,7 @@ impl Output {
                 "reports are numbers, strings and lists with string keys, all of which JSON has",
             ),
         };
-        // A reader that closed the pipe has seen enough: that is no failure.
-        let _ = writeln!(std::io::stdout(), "{}", text.trim_end());
+        self.print(text.trim_end());
     }
 
     /// What the user should know besides the result.
@@ -62,12 +97,18 @@ impl Output {
     pub(crate) fn failure(&self, failure: &Failure) {
         if self.format == Format::Json {
             let object = serde_json::json!({ "error": failure });
-            let _ = writeln!(std::io::stdout(), "{object:#}");
+            self.print(&format!("{object:#}"));
         }
+        self.complain(failure);
+    }
+
+    /// The human text of a failure alone.
+    pub(crate) fn complain(&self, failure: &Failure) {
+        let problem = &failure.problem;
         self.say(
             "31",
             "error",
-            &format!("{}\n  remedy: {}", failure.message, failure.remedy),
+            &format!("{}\n  remedy: {}", problem.message, problem.remedy),
         );
     }
 
@@ -82,6 +123,6 @@ impl Output {
         } else {
             label.to_owned()
         };
-        let _ = writeln!(std::io::stderr(), "{label}: {text}");
+        let _ = writeln!(io::stderr(), "{label}: {text}");
     }
 }

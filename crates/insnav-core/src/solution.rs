@@ -25,7 +25,7 @@ pub enum Motion {
 }
 
 /// The solution at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Epoch {
     /// Position (of the IMU), velocity, attitude and time.
     pub nav: NavState,

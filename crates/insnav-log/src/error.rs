@@ -166,6 +166,9 @@ pub enum LogError {
         /// What the system said.
         source: io::Error,
     },
+    /// Binary data for a terminal.
+    #[error("standard output is a terminal, and the output is binary")]
+    OutputIsTerminal,
     /// The MCAP writer failed.
     #[error("{}: writing failed", path.display())]
     Write {
@@ -260,6 +263,7 @@ impl LogError {
             LogError::StampBackward { .. } => "backward_stamps",
             LogError::OutputExists { .. } => "output_exists",
             LogError::OutputNotWritable { .. } | LogError::Write { .. } => "output_not_writable",
+            LogError::OutputIsTerminal => "output_is_terminal",
             LogError::Cell { .. } => "bad_cell",
             LogError::MissingColumn { .. } => "missing_column",
             LogError::NotASolution { .. } => "not_a_solution",
@@ -301,6 +305,15 @@ impl LogError {
                 "if the sensor's clock jumped, use the recorder's clock with `--time log`".into()
             }
             LogError::OutputExists { .. } => "choose another name with `-o`, or overwrite with `--force`".into(),
+            LogError::OutputIsTerminal => "send it into a file or a program: `-o - > out.mcap`".into(),
+            LogError::OutputNotWritable { source, .. } if source.kind() == io::ErrorKind::IsADirectory => {
+                "name a file in that folder with `-o`".into()
+            }
+            LogError::OutputNotWritable { source, .. }
+                if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge | io::ErrorKind::QuotaExceeded) =>
+            {
+                "make room there, or choose another place with `-o`; nothing half-written is left behind".into()
+            }
             LogError::OutputNotWritable { .. } | LogError::Write { .. } => {
                 "choose a folder that exists, can be written and has room, with `-o`".into()
             }

@@ -21,6 +21,7 @@ mod log;
 mod log_writer;
 mod mcap_writer;
 mod output_file;
+mod problem;
 mod reorder;
 pub mod ros2;
 mod run;
@@ -41,12 +42,15 @@ pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
+pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs};
+pub use problem::Problem;
 pub use run::{
     AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, NoiseReport, Plan, RunError,
-    RunOptions, RunReport, SolutionSink, Source, StopReport, Survey, Warning, Withhold,
+    RunOptions, RunReport, SavedRun, SolutionSink, Source, StateError, StopReport, Stream, Survey,
+    Warning, Withhold,
 };
-pub use samples::{SampleCounts, Samples, imu_to_body};
-pub use sink::{McapSink, SinkOptions, SinkSummary, StateSink};
+pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
+pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
 pub use solution::{SolutionTable, UpdateRow};
 pub use stats::{Spread, TopicStatistics};
 pub use topics::{Choice, Role, Selection, TopicInfo};

@@ -81,12 +81,17 @@ impl LogWriter {
         })
     }
 
-    /// Write one sample. Increments and headings have no ROS message of their own and are refused.
+    /// Write one sample, recorded at its stamp. Increments and headings have no ROS message of their own and are refused.
     pub fn write(&mut self, sample: &Sample) -> Result<(), LogError> {
+        self.write_recorded(sample, sample.time())
+    }
+
+    /// As [`LogWriter::write`], recorded at another instant than its stamp: when it arrived.
+    pub fn write_recorded(&mut self, sample: &Sample, log_time: Time) -> Result<(), LogError> {
         let time = sample.time();
         if self.first.is_none() {
             self.first = Some(time);
-            self.write_lever_arm(time)?;
+            self.write_lever_arm(log_time)?;
         }
         match sample {
             Sample::Imu(sample) => {
@@ -108,7 +113,7 @@ impl LogWriter {
                     linear_acceleration: FLU_FRD * sample.specific_force_b,
                     ..Imu::default()
                 };
-                self.writer.write(channel, time, &message)
+                self.writer.write(channel, log_time, &message)
             }
             Sample::GnssPosition(sample) => {
                 let channel = match self.fix {
@@ -126,7 +131,7 @@ impl LogWriter {
                     service: 1,
                     ..fix_message(&sample.position, sample.covariance_n.as_ref())
                 };
-                self.writer.write(channel, time, &message)
+                self.writer.write(channel, log_time, &message)
             }
             Sample::GnssVelocity(sample) => {
                 let channel = match self.velocity {
@@ -164,7 +169,7 @@ impl LogWriter {
                     },
                     covariance,
                 };
-                self.writer.write(channel, time, &message)
+                self.writer.write(channel, log_time, &message)
             }
             Sample::ImuIncrement(_) => Err(LogError::Unwritable {
                 path: self.path.clone(),

@@ -65,6 +65,8 @@ impl McapWriter {
             })
             // One thread: the navigator leaves the other cores to further logs.
             .compression_threads(0)
+            // Chunks are put together in memory: a pipe cannot go back to fill in their lengths.
+            .disable_seeking(true)
             .calculate_chunk_crcs(true);
         let writer = options.create(file).map_err(|e| failed(path, e))?;
         Ok(McapWriter {
@@ -116,6 +118,18 @@ impl McapWriter {
         self.writer
             .write_to_known_channel(&header, self.cdr.bytes())
             .map_err(|e| failed(&self.path, e))
+    }
+
+    /// How many messages each channel has, and the channels before the first.
+    pub(crate) fn sequences(&self) -> &[u32] {
+        &self.sequences
+    }
+
+    /// Count on from another file's numbers.
+    pub(crate) fn continue_sequences(&mut self, sequences: &[u32]) {
+        for (own, other) in self.sequences.iter_mut().zip(sequences) {
+            *own = *other;
+        }
     }
 
     pub(crate) fn write_metadata(

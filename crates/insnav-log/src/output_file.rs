@@ -1,17 +1,79 @@
 //! An output that appears whole or not at all.
 
 use crate::error::LogError;
+use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, IsTerminal, Seek, SeekFrom, Stdout, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Temporary files that are being written, of the whole process: what an interruption has to remove.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    // A set of paths is whole whatever a panic interrupted.
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Remove what has been begun and not finished, then `end` the process: for handlers of signals.
+///
+/// Until the end no output can begin or get its name, so that nothing half-written is left behind.
+pub fn remove_unfinished_outputs(end: impl FnOnce()) {
+    let paths = unfinished();
+    for path in paths.iter() {
+        let _ = fs::remove_file(path);
+    }
+    end();
+}
+
+/// Whether a path means standard output.
+pub fn is_standard_stream(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+/// Find out, before the work that goes into it, whether an output can be written (`-`: standard output).
+///
+/// # Errors
+/// It exists and `overwrite` is not set, is a folder, lies in a folder that is missing or not writable, or is a terminal.
+pub fn check_output(target: &Path, overwrite: bool) -> Result<(), LogError> {
+    OutputFile::create(target, overwrite).map(drop)
+}
+
+/// Where the bytes go.
+#[derive(Debug)]
+enum Stream {
+    File(File),
+    Standard(Stdout),
+}
+
+impl Write for Stream {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Stream::File(file) => file.write(bytes),
+            Stream::Standard(out) => out.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Stream::File(file) => file.flush(),
+            Stream::Standard(out) => out.flush(),
+        }
+    }
+}
 
 /// A file written under a temporary name beside its target; dropped without [`OutputFile::commit`], it leaves nothing.
+///
+/// The target `-` is standard output, to which bytes go as they come.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     target: PathBuf,
-    temporary: PathBuf,
-    writer: Option<BufWriter<File>>,
+    /// `None`: standard output.
+    temporary: Option<PathBuf>,
+    writer: BufWriter<Stream>,
     overwrite: bool,
+    /// Bytes written so far.
+    length: u64,
 }
 
 impl OutputFile {
@@ -21,6 +83,19 @@ impl OutputFile {
             path: target.into(),
             source,
         };
+        if is_standard_stream(target) {
+            let out = io::stdout();
+            if out.is_terminal() {
+                return Err(LogError::OutputIsTerminal);
+            }
+            return Ok(OutputFile {
+                target: target.into(),
+                temporary: None,
+                writer: BufWriter::with_capacity(1 << 16, Stream::Standard(out)),
+                overwrite,
+                length: 0,
+            });
+        }
         if !overwrite && target.exists() {
             return Err(LogError::OutputExists {
                 path: target.into(),
@@ -37,18 +112,20 @@ impl OutputFile {
         temporary_name.push(format!(".{}.partial", std::process::id()));
         let temporary = target.with_file_name(temporary_name);
         let mut open = OpenOptions::new();
+        let mut paths = unfinished();
         let file = open
-            .read(true)
             .write(true)
             .create(true)
             .truncate(true)
             .open(&temporary)
             .map_err(unwritable)?;
+        paths.insert(temporary.clone());
         Ok(OutputFile {
             target: target.into(),
-            temporary,
-            writer: Some(BufWriter::with_capacity(1 << 16, file)),
+            temporary: Some(temporary),
+            writer: BufWriter::with_capacity(1 << 16, Stream::File(file)),
             overwrite,
+            length: 0,
         })
     }
 
@@ -59,51 +136,53 @@ impl OutputFile {
             path: target.clone(),
             source,
         };
-        let mut length = 0;
-        if let Some(mut writer) = self.writer.take() {
-            writer.flush().map_err(unwritable)?;
-            length = writer.get_ref().metadata().map_err(unwritable)?.len();
-        }
+        self.writer.flush().map_err(unwritable)?;
+        let Some(temporary) = &self.temporary else {
+            return Ok(self.length);
+        };
+        // Held until the name is given: an interruption comes before or after, not in between.
+        let mut paths = unfinished();
         if !self.overwrite && self.target.exists() {
             // It appeared while we were writing.
             return Err(LogError::OutputExists { path: target });
         }
-        fs::rename(&self.temporary, &self.target).map_err(unwritable)?;
-        Ok(length)
-    }
-
-    fn writer(&mut self) -> io::Result<&mut BufWriter<File>> {
-        self.writer
-            .as_mut()
-            .ok_or_else(|| io::Error::from(io::ErrorKind::BrokenPipe))
+        fs::rename(temporary, &self.target).map_err(unwritable)?;
+        paths.remove(temporary);
+        self.temporary = None;
+        Ok(self.length)
     }
 }
 
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.writer()?.write(bytes)
+        let written = self.writer.write(bytes)?;
+        self.length += written as u64;
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.writer()?.flush()
+        self.writer.flush()
     }
 }
 
+/// Tells where it is, and goes nowhere else: a pipe cannot, so nothing here may rely on it.
 impl Seek for OutputFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.writer()?.seek(to)
-    }
-
-    fn stream_position(&mut self) -> io::Result<u64> {
-        // Unlike `seek`, this does not flush the buffer; the MCAP writer asks often.
-        self.writer()?.stream_position()
+        match to {
+            SeekFrom::Current(0) | SeekFrom::End(0) => Ok(self.length),
+            SeekFrom::Start(at) if at == self.length => Ok(at),
+            _ => Err(io::Error::from(io::ErrorKind::NotSeekable)),
+        }
     }
 }
 
 impl Drop for OutputFile {
     fn drop(&mut self) {
-        // After a commit there is nothing under this name any more, and that is as good.
-        let _ = fs::remove_file(&self.temporary);
+        if let Some(temporary) = self.temporary.take() {
+            let mut paths = unfinished();
+            let _ = fs::remove_file(&temporary);
+            paths.remove(&temporary);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! A bounded window that puts samples into the order of their stamps.
 
 use insnav_core::time::Time;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Holds what was read for a while of log time, in order of stamps.
@@ -14,6 +15,42 @@ pub(crate) struct Reorder<T> {
     /// Stamp, log time, value; by stamp, equal stamps in order of arrival.
     queue: VecDeque<(Time, Time, T)>,
     reordered: u64,
+}
+
+/// What waits in a window, as it can be kept.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Waiting<T> {
+    now: Time,
+    queue: VecDeque<(Time, Time, T)>,
+    reordered: u64,
+}
+
+impl<T> Default for Waiting<T> {
+    fn default() -> Self {
+        Waiting {
+            now: Time(i64::MIN),
+            queue: VecDeque::new(),
+            reordered: 0,
+        }
+    }
+}
+
+impl<T: Clone> Reorder<T> {
+    /// What waits now.
+    pub(crate) fn waiting(&self) -> Waiting<T> {
+        Waiting {
+            now: self.now,
+            queue: self.queue.clone(),
+            reordered: self.reordered,
+        }
+    }
+
+    /// Wait as another window did.
+    pub(crate) fn restore(&mut self, waiting: &Waiting<T>) {
+        self.now = waiting.now;
+        self.queue.clone_from(&waiting.queue);
+        self.reordered = waiting.reordered;
+    }
 }
 
 impl<T> Reorder<T> {

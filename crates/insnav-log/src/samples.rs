@@ -4,7 +4,7 @@ use crate::container::Messages;
 use crate::error::LogError;
 use crate::frames::{ENU_NED, FLU_FRD};
 use crate::log::{ImuAxes, Log, TimeSource};
-use crate::reorder::Reorder;
+use crate::reorder::{Reorder, Waiting};
 use crate::ros2::{
     CovarianceType, Decode, Imu, NavSatFix, TwistStamped, TwistWithCovarianceStamped,
 };
@@ -13,9 +13,10 @@ use insnav_core::earth::Geodetic;
 use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// What became of the messages that were read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SampleCounts {
     /// Inertial samples passed on.
     pub imu: u64,
@@ -49,6 +50,15 @@ pub(crate) enum Unusable {
     ZeroPosition,
 }
 
+/// What a reader carries from the end of one log to the begin of the next.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct ReaderState {
+    waiting: Waiting<Sample>,
+    last_imu: Option<Time>,
+    last: Option<Time>,
+    counts: SampleCounts,
+}
+
 /// Samples of a log in time order: an iterator.
 pub struct Samples<'a> {
     log: &'a Log,
@@ -62,6 +72,8 @@ pub struct Samples<'a> {
     last: Option<Time>,
     counts: SampleCounts,
     exhausted: bool,
+    /// At the end of the log, keep what still waits for earlier samples.
+    hold: bool,
     failed: bool,
 }
 
@@ -107,8 +119,31 @@ impl<'a> Samples<'a> {
             last: None,
             counts: SampleCounts::default(),
             exhausted: false,
+            hold: false,
             failed: false,
         })
+    }
+
+    /// Go on where the reader of the log before stopped.
+    pub(crate) fn resume(&mut self, state: &ReaderState) {
+        self.reorder.restore(&state.waiting);
+        (self.last_imu, self.last) = (state.last_imu, state.last);
+        self.counts = state.counts;
+    }
+
+    /// At the end of the log, keep what still waits in the window: earlier samples may be in the next log.
+    pub(crate) fn hold_at_end(&mut self) {
+        self.hold = true;
+    }
+
+    /// What the reader of the next log has to know.
+    pub(crate) fn state(&self) -> ReaderState {
+        ReaderState {
+            waiting: self.reorder.waiting(),
+            last_imu: self.last_imu,
+            last: self.last,
+            counts: self.counts,
+        }
     }
 
     /// What became of the messages so far.
@@ -221,7 +256,7 @@ impl<'a> Samples<'a> {
 
     fn advance(&mut self) -> Result<Option<Sample>, LogError> {
         loop {
-            while let Some(sample) = self.reorder.pop(self.exhausted) {
+            while let Some(sample) = self.reorder.pop(self.exhausted && !self.hold) {
                 if let Some(sample) = self.release(sample)? {
                     return Ok(Some(sample));
                 }

@@ -5,7 +5,7 @@ use insnav_core::sample::GnssPosition;
 use insnav_core::solution::{Epoch, Event, Sink};
 use insnav_core::time::Time;
 use insnav_log::ros2::State;
-use insnav_log::{LogError, McapSink, SinkOptions, SolutionSink, StateSink};
+use insnav_log::{LogError, McapSink, RunError, SinkOptions, SolutionSink, StateSink};
 use std::path::Path;
 
 /// Gives everything to both. They thin out alike, so that what one wants the other wants.
@@ -66,5 +66,9 @@ impl SolutionSink for FileAndMemory {
         if let Some(file) = &mut self.file {
             file.withheld(fix);
         }
+    }
+
+    fn failure(&mut self) -> Option<RunError> {
+        self.file.as_mut().and_then(SolutionSink::failure)
     }
 }

@@ -1,6 +1,7 @@
 //! `insnav demo`: the whole way once, without any data: simulate, navigate, compare with the truth.
 
 use super::run::{Outcome, execute};
+use super::run_inputs::Job;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::text;
@@ -57,7 +58,7 @@ impl Demo {
     }
 
     fn report(&self) -> Result<DemoReport, Failure> {
-        std::fs::create_dir_all(&self.dir).map_err(|e| Failure::not_writable(&self.dir, &e))?;
+        std::fs::create_dir_all(&self.dir).map_err(|e| Failure::not_writable(&self.dir, e))?;
         let file = |name: &str| self.dir.join(name);
         let (log_path, truth_path, config_path) = (
             file("drive.mcap"),
@@ -86,8 +87,10 @@ impl Demo {
         let solution_path = file("drive.insnav.mcap");
         let run = execute(
             &log,
-            &log_path,
-            &solution_path,
+            &Job {
+                input: log_path.clone(),
+                output: solution_path.clone(),
+            },
             &config,
             &RunOptions::default(),
             true,
@@ -183,5 +186,5 @@ fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
     let part = path.with_file_name(name);
     std::fs::write(&part, text)
         .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|e| Failure::not_writable(path, &e))
+        .map_err(|e| Failure::not_writable(path, e))
 }

@@ -1,14 +1,17 @@
 //! One file per verb.
 
 mod compare;
+mod completions;
 mod convert;
 mod demo;
 mod info;
 mod log_flags;
 mod run;
+mod run_inputs;
 mod settings_flags;
 
 pub(crate) use compare::Compare;
+pub(crate) use completions::{Completions, Man};
 pub(crate) use convert::Convert;
 pub(crate) use demo::{Demo, DemoReport};
 pub(crate) use info::{Info, LogReport, RunPreview, TopicReport};

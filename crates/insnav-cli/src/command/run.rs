@@ -1,20 +1,31 @@
 //! `insnav run`: the main job.
 
 use super::log_flags::LogFlags;
-use super::settings_flags::SettingsFlags;
-use crate::failure::{Failure, WARNED};
+use super::run_inputs::{Job, job_list};
+use super::settings_flags::{SetBy, SettingsFlags};
+use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
+use crate::progress::Watched;
 use crate::text;
 use clap::Args;
 use insnav_core::config::Config;
-use insnav_log::{Log, McapSink, Plan, RunOptions, RunReport, Withhold};
+use insnav_log::{
+    Log, McapSink, Plan, RunOptions, RunReport, SavedRun, Source, Withhold, check_output,
+    config_text, is_standard_stream,
+};
 use serde::Serialize;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
 
 /// Navigate: IMU and GNSS of a log become a trajectory with its uncertainty
+///
+/// The log `-` is standard input; it is kept in an unnamed temporary file, since it is read more than once. The output `-` is
+/// standard output: text and JSON then go to standard error.
 #[derive(Args, Debug)]
 pub(crate) struct Run {
-    /// Logs, MCAP with ROS 2 messages; each is a run of its own
+    /// Logs, MCAP with ROS 2 messages, or folders of them; each is a run of its own
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
 
@@ -49,6 +60,23 @@ pub(crate) struct Run {
     /// Heading at the first sample, degrees clockwise from true north [default: from the GNSS course]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     heading_deg: Option<f64>,
+
+    /// Stop in the middle of everything and keep the run in this file, to go on with the next log of the drive by --resume:
+    /// both outputs together are those of one run. The last seconds of this log come out with the next one
+    #[arg(long, value_name = "FILE")]
+    save_state: Option<PathBuf>,
+
+    /// Go on with a run kept by --save-state, under the same settings: noise, clocks and lever arm stay as they were chosen
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
+
+    /// How many logs to run at once
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
+
+    /// Only print the settings that the run would use, completed from the data, as TOML
+    #[arg(long)]
+    print_config: bool,
 
     /// End with code 3 when there are warnings about the data
     #[arg(long)]
@@ -93,117 +121,291 @@ pub(crate) struct Outcome {
     pub(crate) report: RunReport,
 }
 
+/// One of several runs: done or failed.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Entry {
+    Done(Box<Outcome>),
+    Failed { input: PathBuf, error: Failure },
+}
+
 impl Run {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         let config = self.config()?;
-        let mut outcomes = Vec::new();
-        for log in &self.logs {
-            let to = self.output_of(log)?;
-            let outcome = self.one(log, &to, &config)?;
-            output.warnings(&outcome.report.warnings);
-            outcomes.push(outcome);
+        let jobs = job_list(&self.logs, self.output.as_deref())?;
+        self.check_combination(&jobs)?;
+        if self.print_config {
+            return self.print_config(&jobs, &config, output);
         }
-        let warned = outcomes.iter().any(|o| !o.report.warnings.is_empty());
-        match outcomes.as_slice() {
-            [one] => output.result(one, || text::run_summary(one)),
-            all => output.result(&serde_json::json!({ "runs": all }), || {
-                all.iter()
-                    .map(text::run_summary)
-                    .collect::<Vec<_>>()
-                    .join("\n")
-            }),
+        if jobs.iter().any(|job| is_standard_stream(&job.output)) {
+            output.leave_stdout_to_a_file();
         }
-        Ok(if warned && self.strict { WARNED } else { 0 })
+        let single = jobs.len() == 1 && !self.logs[0].is_dir();
+        let mut warned = false;
+        let mut entries = Vec::new();
+        let mut failures = 0_u32;
+        let mut quiet = None;
+        self.each(&jobs, &config, |job, result| match result {
+            Ok(outcome) => {
+                warned |= !outcome.report.warnings.is_empty();
+                output.warnings(&outcome.report.warnings);
+                entries.push(Entry::Done(Box::new(outcome)));
+            }
+            Err(error) => {
+                failures += 1;
+                if !single {
+                    output.complain(&error);
+                }
+                quiet.get_or_insert(error.clone());
+                entries.push(Entry::Failed {
+                    input: job.input.clone(),
+                    error,
+                });
+            }
+        });
+        if single {
+            match (entries.pop(), quiet) {
+                (_, Some(error)) => return Err(error),
+                (Some(Entry::Done(one)), None) => {
+                    output.result(&*one, || text::run_summary(&one));
+                }
+                _ => {}
+            }
+        } else {
+            output.result(&serde_json::json!({ "runs": entries }), || {
+                summaries(&entries)
+            });
+        }
+        Ok(match (failures, warned && self.strict) {
+            (1.., _) => FAILED,
+            (0, true) => WARNED,
+            (0, false) => 0,
+        })
     }
 
     fn config(&self) -> Result<Config, Failure> {
-        let mut config = self.settings.load()?;
-        if let Some(TimeOffset::Seconds(s)) = self.time_offset {
-            config.gnss.time_offset_s = s;
-        }
-        if let Some(Rate(hz)) = self.rate {
-            config.output.rate_hz = hz;
-        }
-        if self.heading_deg.is_some() {
-            config.alignment.heading_deg = self.heading_deg;
-        }
-        Ok(config)
+        self.settings.load_over(|config| {
+            let mut set_by = Vec::new();
+            let mut by = |key, flag: String| set_by.push(SetBy { flag, key });
+            if let Some(TimeOffset::Seconds(s)) = self.time_offset {
+                config.gnss.time_offset_s = s;
+                by("gnss.time_offset_s", format!("--time-offset {s}"));
+            }
+            if let Some(Rate(hz)) = self.rate {
+                config.output.rate_hz = hz;
+                by("output.rate_hz", format!("--rate {hz}"));
+            }
+            if let Some(heading) = self.heading_deg {
+                config.alignment.heading_deg = Some(heading);
+                by("alignment.heading_deg", format!("--heading-deg {heading}"));
+            }
+            set_by
+        })
     }
 
-    fn output_of(&self, log: &Path) -> Result<PathBuf, Failure> {
-        let default = default_output(log);
-        match &self.output {
-            None if log == Path::new("-") => Err(Failure::usage(
-                "standard input has no name to derive the output's from",
-                "name it with -o",
-            )),
-            None => Ok(default),
-            Some(to) if to.is_dir() => Ok(to.join(default.file_name().unwrap_or_default())),
-            Some(to) if self.logs.len() == 1 => Ok(to.clone()),
-            Some(to) => Err(Failure::usage(
-                format!("{}: several logs need a folder that exists", to.display()),
-                "make the folder, or run the logs one by one",
-            )),
-        }
-    }
-
-    fn one(&self, input: &Path, output: &Path, config: &Config) -> Result<Outcome, Failure> {
-        let options = RunOptions {
-            time_offset_auto: self.time_offset == Some(TimeOffset::Auto),
-            ignore_clocks: matches!(self.time_offset, Some(TimeOffset::Seconds(_))),
-            withhold: self.withhold.clone().unwrap_or_default(),
-        };
-        if options.time_offset_auto && input == Path::new("-") {
+    /// What cannot be done together is said before anything is done.
+    fn check_combination(&self, jobs: &[Job]) -> Result<(), Failure> {
+        let from_stdin = jobs.iter().any(|job| is_standard_stream(&job.input));
+        if from_stdin && self.time_offset == Some(TimeOffset::Auto) {
             return Err(Failure::usage(
-                "--time-offset auto reads the log more than once, which standard input does not allow",
+                "--time-offset auto is not for standard input: the next part of a stream would get another offset",
                 "save the log to a file, or give the offset as a number",
             ));
         }
-        let log = Log::open(input, self.reading.options(config))?;
-        execute(&log, input, output, config, &options, self.force)
+        if from_stdin && std::io::stdin().is_terminal() {
+            return Err(Failure::usage(
+                "standard input is a terminal, and a log is binary",
+                "send a log into it: `insnav run - -o out.mcap < drive.mcap`",
+            ));
+        }
+        if jobs.len() > 1 && (self.save_state.is_some() || self.resume.is_some()) {
+            return Err(Failure::usage(
+                "--save-state and --resume are for one log at a time",
+                "run the parts of a drive one after the other, in order",
+            ));
+        }
+        Ok(())
     }
+
+    /// Run every job, at most `--jobs` at once, and tell each result in the order of the jobs.
+    fn each(
+        &self,
+        jobs: &[Job],
+        config: &Config,
+        mut tell: impl FnMut(&Job, Result<Outcome, Failure>),
+    ) {
+        // All outputs are looked at before the first hour of work.
+        let mut refused: Vec<Option<Failure>> =
+            jobs.iter().map(|job| self.check_job(job).err()).collect();
+        let workers = usize::from(self.jobs).min(jobs.len());
+        if workers <= 1 {
+            for (job, refused) in jobs.iter().zip(refused) {
+                let result = refused.map_or_else(|| self.one(job, config, true), Err);
+                tell(job, result);
+            }
+            return;
+        }
+        let next = AtomicUsize::new(0);
+        let (sender, results) = mpsc::channel();
+        let todo: Vec<usize> = (0..jobs.len()).filter(|&i| refused[i].is_none()).collect();
+        std::thread::scope(|scope| {
+            for _ in 0..workers {
+                let (sender, next, todo) = (sender.clone(), &next, &todo);
+                scope.spawn(move || {
+                    while let Some(&i) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        // Several bars in one place would only flicker.
+                        let result = self.one(&jobs[i], config, false);
+                        if sender.send((i, result)).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut done: Vec<Option<Result<Outcome, Failure>>> =
+                refused.iter_mut().map(|r| r.take().map(Err)).collect();
+            let mut told = 0;
+            loop {
+                while let Some(result) = done.get_mut(told).and_then(Option::take) {
+                    tell(&jobs[told], result);
+                    told += 1;
+                }
+                let Ok((i, result)) = results.recv() else {
+                    break;
+                };
+                done[i] = Some(result);
+            }
+        });
+    }
+
+    fn check_job(&self, job: &Job) -> Result<(), Failure> {
+        not_the_input(&job.input, &job.output)?;
+        check_output(&job.output, self.force)?;
+        if let Some(path) = &self.save_state {
+            not_the_input(&job.input, path)?;
+            check_output(path, self.may_replace_state(path))?;
+        }
+        Ok(())
+    }
+
+    /// A state may take the place of the one that it goes on from, as in a loop over the parts of a drive.
+    fn may_replace_state(&self, path: &Path) -> bool {
+        self.force || self.resume.as_deref() == Some(path)
+    }
+
+    fn options(&self) -> RunOptions {
+        RunOptions {
+            time_offset_auto: self.time_offset == Some(TimeOffset::Auto),
+            ignore_clocks: matches!(self.time_offset, Some(TimeOffset::Seconds(_))),
+            withhold: self.withhold.clone().unwrap_or_default(),
+        }
+    }
+
+    fn saved(&self) -> Result<Option<SavedRun>, Failure> {
+        Ok(self.resume.as_deref().map(SavedRun::read).transpose()?)
+    }
+
+    fn plan(
+        &self,
+        source: &(impl Source + ?Sized),
+        config: &Config,
+        saved: Option<&SavedRun>,
+    ) -> Result<Plan, Failure> {
+        Ok(match saved {
+            Some(saved) => Plan::resume(source, config, &self.options(), saved)?,
+            None => Plan::make(source, config, &self.options())?,
+        })
+    }
+
+    fn one(&self, job: &Job, config: &Config, watched: bool) -> Result<Outcome, Failure> {
+        let saved = self.saved()?;
+        let log = Log::open(&job.input, self.reading.options(config))?;
+        let source: &dyn Source = if watched { &Watched::new(&log) } else { &log };
+        let plan = self.plan(source, config, saved.as_ref())?;
+        let mut sink = sink(&plan, &log, job, self.force)?;
+        let keep = self.save_state.is_some();
+        let (report, state) = plan.execute_part(source, &mut sink, saved.as_ref(), keep)?;
+        sink.finish()?;
+        if let (Some(path), Some(state)) = (&self.save_state, state) {
+            state.write(path, self.may_replace_state(path))?;
+        }
+        Ok(Outcome {
+            input: job.input.clone(),
+            output: job.output.clone(),
+            report,
+        })
+    }
+
+    fn print_config(&self, jobs: &[Job], config: &Config, output: &Output) -> Result<u8, Failure> {
+        let [job] = jobs else {
+            return Err(Failure::usage(
+                "--print-config is for one log at a time",
+                "give one log",
+            ));
+        };
+        let log = Log::open(&job.input, self.reading.options(config))?;
+        let plan = self.plan(&Watched::new(&log), config, self.saved()?.as_ref())?;
+        let text = config_text(&plan.config);
+        output.warnings(&plan.warnings);
+        output.result(&serde_json::json!({ "config": text }), || text.clone());
+        Ok(0)
+    }
+}
+
+fn summaries(entries: &[Entry]) -> String {
+    let summary = |entry: &Entry| match entry {
+        Entry::Done(outcome) => text::run_summary(outcome),
+        Entry::Failed { input, error } => {
+            format!("{}: failed: {}\n", input.display(), error.message)
+        }
+    };
+    let all: Vec<String> = entries.iter().map(summary).collect();
+    all.join("\n")
 }
 
 /// Plan, run, write.
 pub(super) fn execute(
     log: &Log,
-    input: &Path,
-    output: &Path,
+    job: &Job,
     config: &Config,
     options: &RunOptions,
     force: bool,
 ) -> Result<Outcome, Failure> {
-    if let (Ok(a), Ok(b)) = (input.canonicalize(), output.canonicalize())
-        && a == b
-    {
-        return Err(Failure::new(
-            "output_is_input",
-            format!(
-                "{}: the solution would take the place of the log",
-                output.display()
-            ),
-            "name another output with `-o`",
-        ));
-    }
-    let plan = Plan::make(log, config, options)?;
-    let mut sink_options = plan.sink_options();
-    sink_options.force = force;
-    let metadata = &mut sink_options.metadata;
-    metadata.insert("input".into(), input.display().to_string());
-    metadata.insert("input_crc32".into(), format!("{:08x}", log.crc32()));
-    let mut sink = McapSink::create(output, sink_options)?;
-    let report = plan.execute(log, &mut sink)?;
+    not_the_input(&job.input, &job.output)?;
+    let source = Watched::new(log);
+    let plan = Plan::make(&source, config, options)?;
+    let mut sink = sink(&plan, log, job, force)?;
+    let report = plan.execute(&source, &mut sink)?;
     sink.finish()?;
     Ok(Outcome {
-        input: input.into(),
-        output: output.into(),
+        input: job.input.clone(),
+        output: job.output.clone(),
         report,
     })
 }
 
-/// `drive.mcap` becomes `drive.insnav.mcap` beside it.
-pub(super) fn default_output(log: &Path) -> PathBuf {
-    log.with_extension("insnav.mcap")
+fn sink(plan: &Plan, log: &Log, job: &Job, force: bool) -> Result<McapSink, Failure> {
+    let mut options = plan.sink_options();
+    options.force = force;
+    let metadata = &mut options.metadata;
+    metadata.insert("input".into(), job.input.display().to_string());
+    metadata.insert("input_crc32".into(), format!("{:08x}", log.crc32()));
+    Ok(McapSink::create(&job.output, options)?)
+}
+
+/// No output takes the place of the recording.
+fn not_the_input(input: &Path, output: &Path) -> Result<(), Failure> {
+    match (input.canonicalize(), output.canonicalize()) {
+        (Ok(a), Ok(b)) if a == b => Err(Failure::new(
+            "output_is_input",
+            format!(
+                "{}: the output would take the place of the log",
+                output.display()
+            ),
+            "name another output with `-o`",
+        )),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -217,13 +419,5 @@ mod tests {
         assert!(time_offset("nan").is_err() && time_offset("later").is_err());
         assert_eq!(rate("imu"), Ok(Rate(0.0)));
         assert!(rate("0").is_err() && rate("-5").is_err());
-    }
-
-    #[test]
-    fn the_solution_stands_beside_its_log() {
-        assert_eq!(
-            default_output(Path::new("/data/drive.mcap")),
-            Path::new("/data/drive.insnav.mcap")
-        );
     }
 }

@@ -3,7 +3,8 @@
 use crate::failure::Failure;
 use clap::Args;
 use insnav_core::config::Config;
-use insnav_log::load_config;
+use insnav_core::error::Error as CoreError;
+use insnav_log::{ConfigError, RunError, load_config};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -17,8 +18,82 @@ pub(super) struct SettingsFlags {
     set: Vec<String>,
 }
 
+/// A flag of a verb that stands for a setting.
+pub(super) struct SetBy {
+    /// As it was typed.
+    pub(super) flag: String,
+    /// The key of the setting.
+    pub(super) key: &'static str,
+}
+
 impl SettingsFlags {
+    /// The settings of file and `--set`, checked.
     pub(super) fn load(&self) -> Result<Config, Failure> {
-        Ok(load_config(self.config.as_deref(), &self.set)?)
+        self.load_over(|_| Vec::new())
     }
+
+    /// As [`SettingsFlags::load`], with what a verb's own flags set on top: `apply` sets it, and says by which flag.
+    pub(super) fn load_over(
+        &self,
+        apply: impl FnOnce(&mut Config) -> Vec<SetBy>,
+    ) -> Result<Config, Failure> {
+        let mut config = load_config(self.config.as_deref(), &self.set).map_err(blame)?;
+        let set_by = apply(&mut config);
+        match config.validate() {
+            Ok(()) => Ok(config),
+            Err(error) => Err(self.out_of_range(error, &set_by)),
+        }
+    }
+
+    /// A number out of its range, with the flag or the file that set it.
+    fn out_of_range(&self, error: CoreError, set_by: &[SetBy]) -> Failure {
+        let CoreError::Config {
+            key,
+            value,
+            expected,
+        } = error
+        else {
+            return RunError::from(error).into();
+        };
+        let failure =
+            |message: String, remedy: &str| Failure::new("bad_config_value", message, remedy);
+        if let Some(by) = set_by.iter().find(|by| by.key == key) {
+            return failure(
+                format!("{}: {key} must be {expected}", by.flag),
+                "give the flag another value",
+            )
+            .as_usage();
+        }
+        let assigns = |text: &&String| {
+            let name = text.split_once('=').map(|(name, _)| name.trim());
+            name == Some(key)
+        };
+        if let Some(text) = self.set.iter().rfind(assigns) {
+            return failure(
+                format!("--set {text}: must be {expected}"),
+                "give the key another value",
+            )
+            .as_usage();
+        }
+        match &self.config {
+            Some(path) => failure(
+                format!("{}: {key} = {value}: must be {expected}", path.display()),
+                "change it in the config file",
+            ),
+            None => RunError::from(error).into(),
+        }
+    }
+}
+
+/// What is wrong with a flag is wrong usage; what is wrong with a file is a failure.
+fn blame(error: ConfigError) -> Failure {
+    let by_flag = match &error {
+        ConfigError::NotAnAssignment { .. } => true,
+        ConfigError::Syntax { origin, .. }
+        | ConfigError::UnknownKey { origin, .. }
+        | ConfigError::Value { origin, .. } => origin.starts_with("--set"),
+        _ => false,
+    };
+    let failure = Failure::from(error);
+    if by_flag { failure.as_usage() } else { failure }
 }

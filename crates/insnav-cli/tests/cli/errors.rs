@@ -85,14 +85,36 @@ fn an_unknown_setting_is_refused_with_the_nearest() {
         "--set",
         "imu.grad=tactical",
     ]);
-    assert!(done.failed(1, "unknown_config_key").1.contains("imu.grade"));
+    assert!(done.failed(2, "unknown_config_key").1.contains("imu.grade"));
     let done = insnav_json([
         "run",
         &folder.text("drive.mcap"),
         "--set",
         "gnss.sigma_scale=-1",
     ]);
-    assert!(done.failed(1, "bad_config_value").0.contains("sigma_scale"));
+    assert!(
+        done.failed(2, "bad_config_value")
+            .0
+            .contains("--set gnss.sigma_scale=-1")
+    );
+    let done = insnav_json(["run", &folder.text("drive.mcap"), "--time-offset", "9"]);
+    let (message, _) = done.failed(2, "bad_config_value");
+    assert!(
+        message.contains("--time-offset 9") && message.contains("between -5 and 5"),
+        "{message}"
+    );
+    std::fs::write(folder.path("wide.toml"), "[gnss]\nsigma_scale = -2\n").unwrap();
+    let done = insnav_json([
+        "info",
+        &folder.text("drive.mcap"),
+        "-c",
+        &folder.text("wide.toml"),
+    ]);
+    assert!(
+        done.failed(1, "bad_config_value")
+            .0
+            .contains("wide.toml: gnss.sigma_scale = -2")
+    );
     insnav_json([
         "run",
         &folder.text("drive.mcap"),

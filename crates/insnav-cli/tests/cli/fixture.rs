@@ -135,13 +135,17 @@ impl Folder {
     }
 }
 
-/// A log with the demonstration's lever arm as a static transform.
-pub(crate) fn write_log(path: &Path, samples: &[Sample]) {
-    let options = LogWriterOptions {
+/// With the demonstration's lever arm as a static transform.
+pub(crate) fn lever_arm() -> LogWriterOptions {
+    LogWriterOptions {
         lever_arm_b: Some(nalgebra::Vector3::from(Scenario::demo().gnss.lever_arm_b_m)),
         ..LogWriterOptions::default()
-    };
-    let mut writer = LogWriter::create(path, options).expect("writable");
+    }
+}
+
+/// A log with the demonstration's lever arm as a static transform.
+pub(crate) fn write_log(path: &Path, samples: &[Sample]) {
+    let mut writer = LogWriter::create(path, lever_arm()).expect("writable");
     for sample in samples {
         writer
             .write(sample)
@@ -221,4 +225,17 @@ pub(crate) fn recordings(name: &str) -> Option<PathBuf> {
         return None;
     }
     Some(path)
+}
+
+/// Messages of an MCAP, each as channel, log time, sequence number and bytes, in the order of the file.
+pub(crate) fn messages(path: &Path) -> Vec<(String, u64, u32, Vec<u8>)> {
+    let bytes = std::fs::read(path).expect("readable");
+    let stream = mcap::MessageStream::new(&bytes).expect("a log");
+    stream
+        .map(|m| {
+            let m = m.expect("a message");
+            let topic = m.channel.topic.clone();
+            (topic, m.log_time, m.sequence, m.data.to_vec())
+        })
+        .collect()
 }

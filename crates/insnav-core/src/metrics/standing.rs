@@ -4,10 +4,10 @@ use super::reference::ReferencePoint;
 use super::track::Track;
 use crate::stationary::STANDING_SPEED;
 use crate::time::Time;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A stop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stop {
     /// First instant of standing.
     pub begin: Time,

@@ -11,9 +11,10 @@ use insnav_core::clock_offset::{
 use insnav_core::config::Config;
 use insnav_core::sample::Sample;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// What is known of the clocks.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Clocks {
     /// Offset of the IMU's clock that the run uses, if it was found in the data.
     pub offset_used: Option<Estimate>,

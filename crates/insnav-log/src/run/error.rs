@@ -1,5 +1,6 @@
 //! Why a run did not come to its end.
 
+use super::saved::StateError;
 use crate::{ConfigError, LogError};
 use insnav_core::error::Error as CoreError;
 
@@ -13,6 +14,9 @@ pub enum RunError {
     /// The settings.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A saved run.
+    #[error(transparent)]
+    State(#[from] StateError),
     /// The navigator.
     #[error(transparent)]
     Navigator(#[from] CoreError),
@@ -24,6 +28,12 @@ pub enum RunError {
     NoGnss {
         /// What may be behind it.
         dropped_hint: &'static str,
+    },
+    /// Every position that the log has is withheld.
+    #[error("all {positions} GNSS positions are withheld: nothing is left to start from")]
+    AllWithheld {
+        /// How many there are.
+        positions: usize,
     },
     /// Positions and inertial data of different times.
     #[error(
@@ -56,6 +66,7 @@ impl RunError {
         match self {
             RunError::Log(e) => e.code(),
             RunError::Config(e) => e.code(),
+            RunError::State(e) => e.code(),
             RunError::Navigator(CoreError::ImuBackward { .. }) => "backward_stamps",
             RunError::Navigator(CoreError::NotFinite { .. }) | RunError::ImuNotFinite { .. } => {
                 "not_finite"
@@ -66,6 +77,7 @@ impl RunError {
             RunError::Navigator(_) => "navigator",
             RunError::NoImu => "no_imu_samples",
             RunError::NoGnss { .. } => "no_gnss_samples",
+            RunError::AllWithheld { .. } => "all_withheld",
             RunError::NoOverlap { .. } => "no_overlap",
         }
     }
@@ -75,6 +87,7 @@ impl RunError {
         match self {
             RunError::Log(e) => e.remedy(),
             RunError::Config(e) => e.remedy(),
+            RunError::State(e) => e.remedy(),
             RunError::Navigator(CoreError::ImuBackward { .. }) => {
                 "the IMU's clock jumped: cut the log there, or use the recorder's clock with `--time log`".into()
             }
@@ -88,6 +101,9 @@ impl RunError {
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
             RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes".into(),
+            RunError::AllWithheld { .. } => {
+                "leave fixes outside the intervals of `--withhold`, which count in seconds from the begin of the log".into()
+            }
             RunError::NoOverlap { .. } => {
                 "the clocks differ: take the recorder's with `--time log`, or correct the stamps".into()
             }

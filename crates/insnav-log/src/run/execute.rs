@@ -3,9 +3,10 @@
 use super::RunError;
 use super::plan::Plan;
 use super::report::{Estimate, NoiseReport, RunReport, Warning};
+use super::saved::SavedRun;
 use super::source::{SolutionSink, Source};
-use super::tally::Tally;
-use super::withhold::Withholding;
+use super::tally::{Tally, Totals};
+use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
 use insnav_core::navigator::Navigator;
@@ -24,35 +25,82 @@ impl Plan {
         source: &(impl Source + ?Sized),
         sink: &mut S,
     ) -> Result<RunReport, RunError> {
+        let (report, _) = self.execute_part(source, sink, None, false)?;
+        Ok(report)
+    }
+
+    /// Run over one part of a drive: from where another part stopped, if `from` is given (with the plan that
+    /// [`Plan::resume`] made of it); with `save`, stop in the middle of everything and return what the next part needs.
+    ///
+    /// Then the last seconds of the source are not in the sink yet: they come with the next part.
+    pub fn execute_part<S: SolutionSink>(
+        &self,
+        source: &(impl Source + ?Sized),
+        sink: &mut S,
+        from: Option<&SavedRun>,
+        save: bool,
+    ) -> Result<(RunReport, Option<SavedRun>), RunError> {
         let begin = Instant::now();
         let withholding = self.withholding();
-        let mut navigator = Navigator::new(&self.config, self.noise())?;
-        let mut withheld = 0;
-        let mut imu_samples = 0;
-        let mut tally = Tally::new(sink, self.origin, &self.stops());
-        for sample in source.samples()? {
+        let mut navigator = match from {
+            Some(saved) => saved.navigator.clone(),
+            None => Navigator::new(&self.config, self.noise())?,
+        };
+        if let Some(state) = from.and_then(|saved| saved.sink.as_ref()) {
+            sink.resume(state);
+        }
+        let before = from.map_or_else(Totals::default, |saved| saved.totals.clone());
+        let mut tally = Tally::new(sink, self.origin, &self.stops(), before);
+        let mut samples = source.stream(from.map(|saved| &saved.reader), save)?;
+        for sample in &mut samples {
             let sample = sample?;
-            imu_samples += usize::from(sample.is_inertial());
+            tally.totals.imu_samples += usize::from(sample.is_inertial());
             if is_withheld(&withholding, &sample, self.config.gnss.velocity_lag_s) {
                 if let Sample::GnssPosition(fix) = &sample {
-                    withheld += 1;
+                    tally.totals.withheld += 1;
                     tally.sink().withheld(fix);
                 }
                 continue;
             }
             navigator.step(&sample, &mut tally)?;
+            if let Some(error) = tally.sink().failure() {
+                return Err(error);
+            }
         }
-        navigator.finish(&mut tally)?;
+        let mut saved = None;
+        if save {
+            saved = Some(SavedRun {
+                given: self.given.clone(),
+                config: config_text(&self.config),
+                reading: source.reading(),
+                withhold: self.withhold.to_string(),
+                epochs: if matches!(self.withhold, Withhold::Every(_)) {
+                    self.epochs()
+                } else {
+                    Vec::new()
+                },
+                origin: self.origin,
+                grade: self.grade,
+                grade_picked: self.grade_picked,
+                clocks: self.clocks,
+                reader: samples.state(),
+                navigator,
+                totals: tally.totals.clone(),
+                sink: tally.sink().state(),
+            });
+        } else {
+            navigator.finish(&mut tally)?;
+        }
         if let Some(error) = tally.sink().failure() {
             return Err(error);
         }
         let mut warnings = self.warnings.clone();
         warnings.extend(findings(&tally));
-        Ok(RunReport {
-            imu_samples,
+        let report = RunReport {
+            imu_samples: tally.totals.imu_samples,
             duration_s: tally.duration_s(),
             elapsed_s: begin.elapsed().as_secs_f64() + self.planning_s,
-            distance_m: tally.distance_m,
+            distance_m: tally.totals.distance_m,
             time_offset_s: self
                 .clocks
                 .offset_used
@@ -69,14 +117,15 @@ impl Plan {
             accel_vrw_m_per_s_per_sqrt_hour: self.noise().accel_white * 60.0,
             imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
-            alignment: tally.alignment,
+            alignment: tally.totals.alignment,
             stops: tally.stops(),
             aiding: tally.aiding(),
-            withheld,
+            withheld: tally.totals.withheld,
             last: tally.last(),
             warnings,
             config: config_text(&self.config),
-        })
+        };
+        Ok((report, saved))
     }
 }
 
@@ -104,7 +153,7 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
             remedy: remedy.into(),
         })
     };
-    let e = tally.events;
+    let e = tally.totals.events;
     if e.imu_gaps > 0 {
         warn(
             "imu_gaps",
@@ -156,6 +205,7 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
         }
     }
     if let Some(a) = tally
+        .totals
         .alignment
         .filter(|a| a.heading_source == HeadingSource::Unknown)
     {

@@ -16,6 +16,7 @@ mod execute;
 mod oddities;
 mod plan;
 mod report;
+mod saved;
 mod source;
 mod survey;
 mod tally;
@@ -28,6 +29,7 @@ pub use report::{
     AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, RunReport, StopReport,
     Warning,
 };
-pub use source::{SolutionSink, Source};
+pub use saved::{SavedRun, StateError};
+pub use source::{SolutionSink, Source, Stream};
 pub use survey::Survey;
 pub use withhold::Withhold;

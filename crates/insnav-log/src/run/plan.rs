@@ -4,6 +4,7 @@ use super::RunError;
 use super::clocks::{Clocks, find_clocks};
 use super::oddities::{lever_arm_unknown, looks_wrong};
 use super::report::Warning;
+use super::saved::SavedRun;
 use super::source::Source;
 use super::survey::Survey;
 use super::withhold::{Withhold, Withholding};
@@ -46,6 +47,10 @@ pub struct Plan {
     /// What the user should know.
     pub warnings: Vec<Warning>,
     pub(super) withhold: Withhold,
+    /// Stamps of the fixes of parts before this one, where withholding counts them.
+    pub(super) epochs_before: Vec<Time>,
+    /// The settings as they were given.
+    pub(super) given: String,
     pub(super) planning_s: f64,
 }
 
@@ -58,7 +63,7 @@ impl Plan {
     ) -> Result<Self, RunError> {
         let begin = Instant::now();
         source.check()?;
-        let mut config = *config;
+        let (given, mut config) = (config_text(config), *config);
         config.validate()?;
         let survey = Survey::of(source)?;
         check(&survey)?;
@@ -94,14 +99,46 @@ impl Plan {
             survey,
             warnings,
             withhold: options.withhold.clone(),
+            epochs_before: Vec::new(),
+            given,
             planning_s: 0.0,
         };
+        let withholding = plan.withholding();
+        let positions = &plan.survey.positions;
+        if positions.iter().all(|p| withholding.takes(p.time)) {
+            let positions = positions.len();
+            return Err(RunError::AllWithheld { positions });
+        }
         if !options.ignore_clocks {
             let clocks = find_clocks(source, &plan, options.time_offset_auto)?;
             plan.take_clocks(clocks, options.time_offset_auto);
         }
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
+    }
+
+    /// As [`Plan::make`], with everything that was chosen in the part before.
+    pub(super) fn go_on(
+        source: &(impl Source + ?Sized),
+        saved: &SavedRun,
+        options: &RunOptions,
+    ) -> Result<Self, RunError> {
+        let begin = Instant::now();
+        let survey = Survey::of(source)?;
+        survey.imu_span.ok_or(RunError::NoImu)?;
+        Ok(Plan {
+            config: saved.complete_config()?,
+            origin: saved.origin,
+            grade: saved.grade,
+            grade_picked: saved.grade_picked,
+            clocks: saved.clocks,
+            survey,
+            warnings: source.oddities()?,
+            withhold: options.withhold.clone(),
+            epochs_before: saved.epochs.clone(),
+            given: saved.given.clone(),
+            planning_s: begin.elapsed().as_secs_f64(),
+        })
     }
 
     /// The noise of the inertial unit.
@@ -146,8 +183,13 @@ impl Plan {
     }
 
     pub(super) fn withholding(&self) -> Withholding {
-        let epochs = self.survey.positions.iter().map(|p| p.time).collect();
-        Withholding::new(self.withhold.clone(), self.origin, epochs)
+        Withholding::new(self.withhold.clone(), self.origin, self.epochs())
+    }
+
+    /// Stamps of all fixes of the drive so far.
+    pub(super) fn epochs(&self) -> Vec<Time> {
+        let own = self.survey.positions.iter().map(|p| p.time);
+        self.epochs_before.iter().copied().chain(own).collect()
     }
 
     fn take_clocks(&mut self, mut clocks: Clocks, auto: bool) {

@@ -3,7 +3,7 @@
 use insnav_core::alignment::HeadingSource;
 use insnav_core::imu::ImuGrade;
 use insnav_core::noise_floor::NoiseFloor;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Something in the data or the settings that the user should know, with what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -17,7 +17,7 @@ pub struct Warning {
 }
 
 /// A number and its standard deviation; no sigma when it was given and not estimated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The number.
     pub value: f64,
@@ -66,7 +66,7 @@ impl From<&NoiseFloor> for NoiseReport {
 }
 
 /// How the run began.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignmentReport {
     /// Roll at the first sample, degrees.
     pub roll_deg: f64,
@@ -89,7 +89,7 @@ pub struct AlignmentReport {
 }
 
 /// A stop of the vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopReport {
     /// Begin, s.
     pub begin_s: f64,
@@ -104,10 +104,10 @@ pub struct StopReport {
 }
 
 /// What became of one kind of measurement.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AidingReport {
     /// Name of the measurement.
-    pub name: &'static str,
+    pub name: String,
     /// Components of one, at most.
     pub dof: usize,
     /// Used as they stood.

@@ -3,16 +3,75 @@
 use super::RunError;
 use super::oddities::oddities_of_log;
 use super::report::Warning;
+use crate::samples::{ReaderState, Samples};
+use crate::sink::SinkState;
 use crate::{Log, McapSink, Role};
 use insnav_core::sample::{GnssPosition, Sample};
 use insnav_core::solution::Sink;
 use insnav_core::time::Time;
 use nalgebra::Vector3;
 
+/// Samples on their way to the navigator, and what still waits behind them.
+pub trait Stream: Iterator<Item = Result<Sample, RunError>> {
+    /// What the stream of the next log has to know, after the last sample.
+    fn state(&self) -> ReaderState;
+}
+
+/// Of a source that keeps nothing back.
+struct Plain<I>(I);
+
+impl<I: Iterator> Iterator for Plain<I> {
+    type Item = I::Item;
+
+    fn next(&mut self) -> Option<I::Item> {
+        self.0.next()
+    }
+}
+
+impl<I: Iterator<Item = Result<Sample, RunError>>> Stream for Plain<I> {
+    fn state(&self) -> ReaderState {
+        ReaderState::default()
+    }
+}
+
+/// Of a log.
+struct LogStream<'a>(Samples<'a>);
+
+impl Iterator for LogStream<'_> {
+    type Item = Result<Sample, RunError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some(self.0.next()?.map_err(RunError::from))
+    }
+}
+
+impl Stream for LogStream<'_> {
+    fn state(&self) -> ReaderState {
+        self.0.state()
+    }
+}
+
 /// Samples that can be read more than once: a log, or arrays in memory.
 pub trait Source {
     /// The samples from the beginning, in about the order of time.
     fn samples(&self) -> Result<Box<dyn Iterator<Item = Result<Sample, RunError>> + '_>, RunError>;
+
+    /// The samples once more, from where another source of the same drive stopped if `from` is given; with `hold`, what may
+    /// have to wait for samples of the next source is kept for it.
+    fn stream(
+        &self,
+        from: Option<&ReaderState>,
+        hold: bool,
+    ) -> Result<Box<dyn Stream + '_>, RunError> {
+        // Without a window of its own a source has nothing to take over or to keep.
+        let _ = (from, hold);
+        Ok(Box::new(Plain(self.samples()?)))
+    }
+
+    /// How the source is read, where that changes its samples: a run is resumed with the same only.
+    fn reading(&self) -> String {
+        String::new()
+    }
 
     /// Instant from which seconds count; `None`: the first inertial stamp.
     fn origin(&self) -> Result<Option<Time>, RunError> {
@@ -40,6 +99,29 @@ impl Source for Log {
         Ok(Box::new(
             Log::samples(self)?.map(|s| s.map_err(RunError::from)),
         ))
+    }
+
+    fn stream(
+        &self,
+        from: Option<&ReaderState>,
+        hold: bool,
+    ) -> Result<Box<dyn Stream + '_>, RunError> {
+        let mut samples = Log::samples(self)?;
+        if let Some(state) = from {
+            samples.resume(state);
+        }
+        if hold {
+            samples.hold_at_end();
+        }
+        Ok(Box::new(LogStream(samples)))
+    }
+
+    fn reading(&self) -> String {
+        let o = self.options();
+        format!(
+            "axes {:?}, mounting {:?}, stamps {:?}, window {} s, geoid {} m",
+            o.imu_axes, o.imu_mounting_rpy_deg, o.time_source, o.reorder_window_s, o.geoid_height_m
+        )
     }
 
     fn origin(&self) -> Result<Option<Time>, RunError> {
@@ -79,10 +161,18 @@ pub trait SolutionSink: Sink {
     /// A position was withheld.
     fn withheld(&mut self, _fix: &GnssPosition) {}
 
-    /// Why the solution could not be kept, if so: asked now and then, so that a full disk ends a run.
+    /// Why the solution could not be kept, if so: asked all the time, so that a full disk ends a run soon.
     fn failure(&mut self) -> Option<RunError> {
         None
     }
+
+    /// What the sink of the next part of a drive has to know.
+    fn state(&self) -> Option<SinkState> {
+        None
+    }
+
+    /// Go on where the sink of the part before stopped.
+    fn resume(&mut self, _state: &SinkState) {}
 }
 
 impl SolutionSink for () {}
@@ -90,5 +180,17 @@ impl SolutionSink for () {}
 impl SolutionSink for McapSink {
     fn withheld(&mut self, fix: &GnssPosition) {
         McapSink::withheld(self, fix);
+    }
+
+    fn failure(&mut self) -> Option<RunError> {
+        self.take_failure().map(RunError::Log)
+    }
+
+    fn state(&self) -> Option<SinkState> {
+        Some(McapSink::state(self))
+    }
+
+    fn resume(&mut self, state: &SinkState) {
+        McapSink::resume(self, state);
     }
 }

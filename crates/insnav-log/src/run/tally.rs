@@ -8,12 +8,13 @@ use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::metrics::Stop;
 use insnav_core::solution::{Epoch, Event, Sink};
 use insnav_core::time::Time;
+use serde::{Deserialize, Serialize};
 
 /// Epochs per second that the tally looks at, whatever the sink wants: enough for way and stops.
 const PERIOD: f64 = 0.1;
 
 /// Totals of one kind of measurement.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Aid {
     dof: usize,
     used: usize,
@@ -24,7 +25,7 @@ struct Aid {
 }
 
 /// Counts of what the navigator had to tell besides epochs and updates.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct EventCounts {
     pub(super) imu_gaps: usize,
     pub(super) longest_gap_s: f64,
@@ -33,23 +34,32 @@ pub(super) struct EventCounts {
     pub(super) not_finite: usize,
 }
 
-/// A sink in front of another.
-pub(super) struct Tally<'a, S> {
-    sink: &'a mut S,
-    wanted_by_sink: bool,
+/// All that is counted: what a resumed run takes over.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Totals {
     next_own: Option<Time>,
-    origin: Time,
     stops: Vec<(Stop, StopReport)>,
-    aids: Vec<(&'static str, Aid)>,
+    aids: Vec<(String, Aid)>,
     first: Option<Time>,
     last: Option<Epoch>,
     pub(super) distance_m: f64,
     pub(super) alignment: Option<AlignmentReport>,
     pub(super) events: EventCounts,
+    pub(super) imu_samples: usize,
+    pub(super) withheld: usize,
+}
+
+/// A sink in front of another.
+pub(super) struct Tally<'a, S> {
+    sink: &'a mut S,
+    wanted_by_sink: bool,
+    origin: Time,
+    pub(super) totals: Totals,
 }
 
 impl<'a, S: Sink> Tally<'a, S> {
-    pub(super) fn new(sink: &'a mut S, origin: Time, stops: &[Stop]) -> Self {
+    /// `before`: what a run that is resumed has counted.
+    pub(super) fn new(sink: &'a mut S, origin: Time, stops: &[Stop], before: Totals) -> Self {
         let report = |s: &Stop| StopReport {
             begin_s: s.begin.since(origin),
             end_s: s.end.since(origin),
@@ -57,18 +67,13 @@ impl<'a, S: Sink> Tally<'a, S> {
             heading_after_deg: None,
             sigma_heading_deg: None,
         };
+        let mut totals = before;
+        totals.stops.extend(stops.iter().map(|s| (*s, report(s))));
         Tally {
             sink,
             wanted_by_sink: false,
-            next_own: None,
             origin,
-            stops: stops.iter().map(|s| (*s, report(s))).collect(),
-            aids: Vec::new(),
-            first: None,
-            last: None,
-            distance_m: 0.0,
-            alignment: None,
-            events: EventCounts::default(),
+            totals,
         }
     }
 
@@ -77,47 +82,56 @@ impl<'a, S: Sink> Tally<'a, S> {
     }
 
     pub(super) fn duration_s(&self) -> f64 {
-        self.first
-            .zip(self.last)
+        self.totals
+            .first
+            .zip(self.totals.last)
             .map_or(0.0, |(first, last)| last.nav.time.since(first))
     }
 
     pub(super) fn stops(&self) -> Vec<StopReport> {
-        self.stops.iter().map(|(_, report)| *report).collect()
+        self.totals
+            .stops
+            .iter()
+            .map(|(_, report)| *report)
+            .collect()
     }
 
     pub(super) fn aiding(&self) -> Vec<AidingReport> {
-        let report = |&(name, a): &(&'static str, Aid)| AidingReport {
-            name,
+        let report = |(name, a): &(String, Aid)| AidingReport {
+            name: name.clone(),
             dof: a.dof,
             used: a.used,
             rejected: a.rejected,
             inflated: a.inflated,
             nis_mean: (a.components > 0).then(|| a.nis / a.components as f64),
         };
-        self.aids.iter().map(report).collect()
+        self.totals.aids.iter().map(report).collect()
     }
 
     pub(super) fn last(&self) -> Option<FinalReport> {
-        self.last.as_ref().map(|epoch| last(epoch, self.origin))
+        self.totals
+            .last
+            .as_ref()
+            .map(|epoch| last(epoch, self.origin))
     }
 
     fn observe(&mut self, epoch: &Epoch) {
         let time = epoch.nav.time;
-        self.first.get_or_insert(time);
-        if let Some(before) = &self.last {
+        let totals = &mut self.totals;
+        totals.first.get_or_insert(time);
+        if let Some(before) = &totals.last {
             let speed =
                 0.5 * (before.nav.velocity_n.xy().norm() + epoch.nav.velocity_n.xy().norm());
-            let standing = self
+            let standing = totals
                 .stops
                 .iter()
                 .any(|(s, _)| (s.begin..=s.end).contains(&time));
             // The noise of a standing solution's velocity is no way.
             if !standing {
-                self.distance_m += speed * time.since(before.nav.time);
+                totals.distance_m += speed * time.since(before.nav.time);
             }
         }
-        for (stop, report) in &mut self.stops {
+        for (stop, report) in &mut totals.stops {
             if time < stop.begin || time > stop.end {
                 continue;
             }
@@ -126,16 +140,16 @@ impl<'a, S: Sink> Tally<'a, S> {
             report.heading_after_deg = Some(heading);
             report.sigma_heading_deg = Some(epoch.heading_sigma().to_degrees());
         }
-        self.last = Some(*epoch);
+        totals.last = Some(*epoch);
     }
 }
 
 impl<S: Sink> Sink for Tally<'_, S> {
     fn wants_epoch(&mut self, time: Time) -> bool {
         self.wanted_by_sink = self.sink.wants_epoch(time);
-        let own = self.next_own.is_none_or(|next| time >= next);
+        let own = self.totals.next_own.is_none_or(|next| time >= next);
         if own {
-            self.next_own = Some(time.plus(PERIOD));
+            self.totals.next_own = Some(time.plus(PERIOD));
         }
         own || self.wanted_by_sink
     }
@@ -148,15 +162,15 @@ impl<S: Sink> Sink for Tally<'_, S> {
     }
 
     fn update(&mut self, update: &Update) {
-        let at = self
-            .aids
+        let aids = &mut self.totals.aids;
+        let at = aids
             .iter()
-            .position(|(name, _)| *name == update.measurement)
+            .position(|(name, _)| name == update.measurement)
             .unwrap_or_else(|| {
-                self.aids.push((update.measurement, Aid::default()));
-                self.aids.len() - 1
+                aids.push((update.measurement.to_owned(), Aid::default()));
+                aids.len() - 1
             });
-        let aid = &mut self.aids[at].1;
+        let aid = &mut aids[at].1;
         aid.dof = aid.dof.max(update.dof);
         aid.nis += update.nis;
         aid.components += update.dof;
@@ -169,18 +183,19 @@ impl<S: Sink> Sink for Tally<'_, S> {
     }
 
     fn event(&mut self, event: &Event) {
+        let totals = &mut self.totals;
         match event {
             Event::Started(a) => {
                 // A start after a long gap is told as the gap: the report is on how the run began.
-                self.alignment.get_or_insert(alignment(a, self.origin));
+                totals.alignment.get_or_insert(alignment(a, self.origin));
             }
             Event::ImuGap { from, to } => {
-                self.events.imu_gaps += 1;
-                self.events.longest_gap_s = self.events.longest_gap_s.max(to.since(*from));
+                totals.events.imu_gaps += 1;
+                totals.events.longest_gap_s = totals.events.longest_gap_s.max(to.since(*from));
             }
-            Event::TooLate { .. } => self.events.too_late += 1,
-            Event::DuplicateImu { .. } => self.events.duplicates += 1,
-            Event::NotFinite { .. } => self.events.not_finite += 1,
+            Event::TooLate { .. } => totals.events.too_late += 1,
+            Event::DuplicateImu { .. } => totals.events.duplicates += 1,
+            Event::NotFinite { .. } => totals.events.not_finite += 1,
             _ => {}
         }
         self.sink.event(event);

@@ -1,9 +1,10 @@
 //! Fewer epochs than inertial samples.
 
 use insnav_core::time::Time;
+use serde::{Deserialize, Serialize};
 
 /// Picks, at a rate, the samples nearest to an even grid.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Decimation {
     period_ns: i64,
     due: Option<Time>,

@@ -3,9 +3,10 @@
 use insnav_core::filter::{Update, Verdict};
 use insnav_core::solution::{Epoch, Motion};
 use insnav_core::time::Time;
+use serde::{Deserialize, Serialize};
 
 /// Counts what happened since the last report, and makes one every second.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Diagnostics {
     next: Option<Time>,
     accepted: u32,

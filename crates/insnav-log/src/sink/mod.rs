@@ -22,6 +22,7 @@ use insnav_core::sample::GnssPosition;
 use insnav_core::solution::{Epoch, Sink};
 use insnav_core::time::Time;
 use nalgebra::{Matrix6, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +81,15 @@ pub struct SinkSummary {
     pub withheld: u64,
     /// Origin of the map; `None` if there was no epoch.
     pub origin: Option<Geodetic>,
+}
+
+/// What a sink carries from one file to the next, so that both together are what one would have been.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SinkState {
+    map: Option<LocalFrame>,
+    decimation: Decimation,
+    diagnostics: Diagnostics,
+    sequences: Vec<u32>,
 }
 
 /// Writes what a navigator produces into an MCAP file: `/insnav/odometry`, `/tf`, `/insnav/pose`, `/insnav/fix`,
@@ -189,6 +199,29 @@ impl McapSink {
             withheld: self.withheld,
             origin,
         })
+    }
+
+    /// What the sink of the next file has to know.
+    pub fn state(&self) -> SinkState {
+        SinkState {
+            map: self.map,
+            decimation: self.decimation.clone(),
+            diagnostics: self.diagnostics.clone(),
+            sequences: self.writer.sequences().to_vec(),
+        }
+    }
+
+    /// Go on where the sink of the file before stopped: before anything is written.
+    pub fn resume(&mut self, state: &SinkState) {
+        self.map = state.map;
+        self.decimation = state.decimation.clone();
+        self.diagnostics = state.diagnostics.clone();
+        self.writer.continue_sequences(&state.sequences);
+    }
+
+    /// The error that has ended the writing, if any.
+    pub(crate) fn take_failure(&mut self) -> Option<LogError> {
+        self.failure.take()
     }
 
     fn keep(&mut self, result: Result<(), LogError>) {

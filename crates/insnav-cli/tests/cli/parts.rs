@@ -1,0 +1,213 @@
+//! A drive in parts: put aside and gone on with, the output is that of one run.
+
+use crate::fixture::{Folder, drive, insnav_json, messages, rewrite, write_log};
+use insnav_core::sample::Sample;
+
+/// Cut `drive.mcap` in two at a log time, s after the begin: `a.mcap` and `b.mcap`.
+fn cut(folder: &Folder, at_s: f64) {
+    let begin = drive().samples[0].time().0 as u64;
+    let at = begin + (at_s * 1e9) as u64;
+    let drive = folder.path("drive.mcap");
+    for (name, first) in [("a.mcap", true), ("b.mcap", false)] {
+        rewrite(&drive, &folder.path(name), |m| {
+            if (m.log_time < at) == first {
+                vec![m]
+            } else {
+                vec![]
+            }
+        });
+    }
+}
+
+/// The settings of the run over the first part, complete: what a whole run needs to choose nothing by itself.
+fn complete_settings(folder: &Folder, more: &[&str]) -> String {
+    let mut arguments = vec!["run", "--print-config"];
+    let log = folder.text("a.mcap");
+    arguments.push(&log);
+    arguments.extend(more);
+    let done = insnav_json(arguments);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let path = folder.path("car.toml");
+    std::fs::write(&path, done.json()["config"].as_str().unwrap()).unwrap();
+    path.display().to_string()
+}
+
+fn run(folder: &Folder, log: &str, out: &str, more: &[&str]) -> serde_json::Value {
+    let (log, out) = (folder.text(log), folder.text(out));
+    let mut arguments = vec!["run", &log, "-o", &out];
+    arguments.extend(more);
+    let done = insnav_json(arguments);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    done.json()
+}
+
+/// What one run over the whole writes, two runs write one after the other: every message of every topic, its sequence number
+/// too. Cut before the start is found, shortly after, and under way; with fixes withheld by their number as well.
+#[test]
+fn two_parts_are_one_run_to_the_last_bit() {
+    for (at_s, more) in [
+        (12.0, vec![]),
+        (45.3, vec!["--withhold", "every:3"]),
+        (80.0051, vec!["--rate", "imu", "--time-offset", "0.013"]),
+    ] {
+        let folder = Folder::with_drive();
+        cut(&folder, at_s);
+        let settings = complete_settings(&folder, &more);
+        let state = folder.text("run.state");
+        let same: Vec<&str> = [&more[..], &["-c", &settings]].concat();
+        let saving: Vec<&str> = [&same[..], &["--save-state", &state]].concat();
+        let resuming: Vec<&str> = [&same[..], &["--resume", &state]].concat();
+        let whole = run(&folder, "drive.mcap", "whole.mcap", &same);
+        let first = run(&folder, "a.mcap", "a.out.mcap", &saving);
+        let second = run(&folder, "b.mcap", "b.out.mcap", &resuming);
+
+        let one = messages(&folder.path("whole.mcap"));
+        let mut two = messages(&folder.path("a.out.mcap"));
+        let in_first = two.len();
+        two.extend(messages(&folder.path("b.out.mcap")));
+        assert_eq!(one.len(), two.len(), "cut at {at_s} s");
+        for (i, (a, b)) in one.iter().zip(&two).enumerate() {
+            assert!(a == b, "message {i} of {}: {} at {}", one.len(), a.0, a.1);
+        }
+        // The check can fail: the parts alone are not the whole, and the first one stops where its window begins.
+        assert!(in_first < one.len() && (at_s < 40.0 || in_first > one.len() / 4));
+        assert_eq!(second["final"], whole["final"]);
+        assert_eq!(second["aiding"], whole["aiding"]);
+        assert_eq!(second["alignment"], whole["alignment"]);
+        assert_eq!(second["imu_samples"], whole["imu_samples"]);
+        assert_eq!(second["withheld"], whole["withheld"]);
+        assert!(first["imu_samples"].as_u64() < whole["imu_samples"].as_u64());
+    }
+}
+
+/// Clocks, noise and lever arm stay as the first part chose them, although the second has no transforms and other noise.
+#[test]
+fn what_the_first_part_chose_stays() {
+    let folder = Folder::with_drive();
+    cut(&folder, 70.0);
+    let state = folder.text("run.state");
+    let first = run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
+    let second = run(&folder, "b.mcap", "b.out.mcap", &["--resume", &state]);
+    assert_eq!(first["config"], second["config"]);
+    assert_eq!(first["lever_arm_b_m"], second["lever_arm_b_m"]);
+    // Alone the second part chooses otherwise.
+    let alone = run(&folder, "b.mcap", "alone.mcap", &[]);
+    assert_ne!(alone["config"], second["config"]);
+    // The map is that of the first part, whose first fix is its origin.
+    let origin = |name: &str| {
+        let solution = insnav_log::SolutionTable::read(&folder.path(name)).unwrap();
+        solution.metadata["origin_lat_lon_deg_h_m"].clone()
+    };
+    assert_eq!(origin("a.out.mcap"), origin("b.out.mcap"));
+    assert_ne!(origin("a.out.mcap"), origin("alone.mcap"));
+}
+
+#[test]
+fn a_state_is_refused_where_it_does_not_fit() {
+    let folder = Folder::with_drive();
+    cut(&folder, 60.0);
+    let (state, b) = (folder.text("run.state"), folder.text("b.mcap"));
+    run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
+    let to = folder.text("b.out.mcap");
+    let resume = |state: &str, more: &[&str]| {
+        let mut arguments = vec!["run", b.as_str(), "-o", to.as_str(), "--resume", state];
+        arguments.extend(more);
+        insnav_json(arguments)
+    };
+    let (message, _) = resume(&state, &["--set", "gnss.sigma_scale=2"]).failed(1, "state_settings");
+    for part in ["gnss.sigma_scale", "1.0", "2.0"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let (message, _) = resume(&state, &["--imu-axes", "frd"]).failed(1, "state_settings");
+    assert!(
+        message.contains("Flu") && message.contains("Frd"),
+        "{message}"
+    );
+    resume(&state, &["--withhold", "every:2"]).failed(1, "state_settings");
+    resume(&folder.text("no.state"), &[]).failed(1, "no_such_file");
+
+    let bytes = std::fs::read(folder.path("run.state")).unwrap();
+    let changed = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut other = bytes.clone();
+        change(&mut other);
+        std::fs::write(folder.path("other.state"), other).unwrap();
+        folder.text("other.state")
+    };
+    resume(&changed(&|b| b[3] ^= 1), &[]).failed(1, "not_a_state");
+    resume(&changed(&|b| b[16] += 1), &[]).failed(1, "state_version");
+    resume(&changed(&|b| b[20] ^= 1), &[]).failed(1, "state_version");
+    resume(&changed(&|b| b.clear()), &[]).failed(1, "not_a_state");
+    resume(&changed(&|b| b.push(0)), &[]).failed(1, "state_damaged");
+    // Any bit behind the header, and any cut.
+    for i in (24..bytes.len()).step_by(bytes.len() / 23) {
+        resume(&changed(&|b| b[i] ^= 16), &[]).failed(1, "state_damaged");
+        resume(&changed(&|b| b.truncate(i)), &[]).failed(1, "state_damaged");
+    }
+    assert!(!folder.path("b.out.mcap").exists(), "nothing was written");
+    assert_eq!(resume(&state, &[]).code, 0, "and the whole one is taken");
+}
+
+#[test]
+fn a_state_does_not_take_the_place_of_a_file_unasked() {
+    let folder = Folder::with_drive();
+    cut(&folder, 60.0);
+    std::fs::write(folder.path("run.state"), "precious").unwrap();
+    let (state, log) = (folder.text("run.state"), folder.text("a.mcap"));
+    insnav_json(["run", &log, "--save-state", &state]).failed(1, "output_exists");
+    assert_eq!(
+        std::fs::read(folder.path("run.state")).unwrap(),
+        b"precious"
+    );
+    insnav_json(["run", &log, "--save-state", &log, "--force"]).failed(1, "output_is_input");
+    insnav_json(["run", &log, &folder.text("b.mcap"), "--save-state", &state]).failed(2, "usage");
+    // In a loop over the parts one name is enough.
+    run(
+        &folder,
+        "a.mcap",
+        "a.out.mcap",
+        &["--save-state", &state, "--force"],
+    );
+    run(
+        &folder,
+        "b.mcap",
+        "b.out.mcap",
+        &["--resume", &state, "--save-state", &state],
+    );
+}
+
+/// The same log again: its samples are in the past of the run.
+#[test]
+fn a_part_that_was_there_already_is_an_error() {
+    let folder = Folder::with_drive();
+    cut(&folder, 60.0);
+    let (state, log) = (folder.text("run.state"), folder.text("a.mcap"));
+    run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
+    let again = insnav_json([
+        "run",
+        &log,
+        "-o",
+        &folder.text("x.mcap"),
+        "--resume",
+        &state,
+    ]);
+    again.failed(1, "backward_stamps");
+    assert!(!folder.path("x.mcap").exists());
+}
+
+/// A tunnel: a part without a single fix.
+#[test]
+fn a_part_may_have_no_gnss() {
+    let folder = Folder::with_drive();
+    cut(&folder, 60.0);
+    let begin = drive().samples[0].time();
+    let inertial: Vec<Sample> = drive().samples.iter().copied().collect();
+    let tunnel: Vec<Sample> = inertial
+        .into_iter()
+        .filter(|s| s.is_inertial() && s.time().since(begin) >= 60.0)
+        .collect();
+    write_log(&folder.path("tunnel.mcap"), &tunnel);
+    let state = folder.text("run.state");
+    run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
+    let report = run(&folder, "tunnel.mcap", "t.out.mcap", &["--resume", &state]);
+    assert!((report["duration_s"].as_f64().unwrap() - 120.0).abs() < 0.1);
+}
