@@ -3,7 +3,7 @@
 use crate::csv::{self, GnssTable, ImuTable};
 use crate::error::LogError;
 use crate::frames::FLU_FRD;
-use crate::log::{ImuAxes, Log, ReadOptions};
+use crate::log::{ImuAxes, Log};
 use crate::log_writer::{LogWriter, LogWriterOptions};
 use crate::solution::SolutionTable;
 use crate::tum::Trajectory;
@@ -239,10 +239,8 @@ pub fn solution_to_csv(input: &Path, output: &Path, force: bool) -> Result<usize
 }
 
 /// Whether a log is a solution written here rather than a recording.
-pub fn is_solution(path: &Path) -> Result<bool, LogError> {
-    let log = Log::open(path, ReadOptions::default())?;
-    Ok(log
-        .topics()
+pub fn is_solution(log: &Log) -> bool {
+    log.topics()
         .iter()
-        .any(|topic| topic.name == "/insnav/state"))
+        .any(|topic| topic.name == "/insnav/state")
 }

@@ -280,14 +280,15 @@ impl LogError {
             LogError::NotAnMcap { .. } => {
                 "give an MCAP file; common CSV becomes one with `insnav convert`, a ROS 1 bag with `mcap convert`".into()
             }
-            LogError::Truncated { path, .. } => format!(
-                "the recording was cut short; what is intact can be saved with `mcap recover {} -o recovered.mcap`",
-                path.display()
-            ),
-            LogError::Crc { path, .. } | LogError::Damaged { path, .. } => format!(
-                "copy the file again from its origin; what is intact can be saved with `mcap recover {} -o recovered.mcap`",
-                path.display()
-            ),
+            LogError::Truncated { length: 0..=8, .. } => {
+                "record again: there is nothing in it".into()
+            }
+            LogError::Truncated { .. } => {
+                "the recording was cut short: `--recover` keeps what is readable and tells what was lost".into()
+            }
+            LogError::Crc { .. } | LogError::Damaged { .. } => {
+                "copy the file again from its origin, or keep what is readable with `--recover`, which tells what was lost".into()
+            }
             LogError::Compression { path, .. } => {
                 format!("recompress it with `mcap compress --compression zstd {} -o recompressed.mcap`", path.display())
             }

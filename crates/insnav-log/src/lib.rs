@@ -36,7 +36,7 @@ mod velocity_axes;
 
 pub use compared::{ComparedReference, ComparedSolution};
 pub use config_file::{ConfigError, config_text, load_config, parse_config};
-pub use container::Message;
+pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;
 pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};

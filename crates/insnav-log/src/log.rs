@@ -1,7 +1,9 @@
 //! A log: an MCAP file with ROS 2 messages, opened for reading.
 
 use crate::cdr::CdrError;
-use crate::container::{Contents, Message, Messages, Source};
+use crate::container::{
+    Checksums, Contents, McapRecord, Message, Messages, Recovery, Source, each_record,
+};
 use crate::error::LogError;
 use crate::imu_units::ImuUnits;
 use crate::ros2::{Decode, Header, NavSatFix};
@@ -58,6 +60,8 @@ pub struct ReadOptions {
     pub gnss_velocity_axes: VelocityAxes,
     /// Largest uncompressed size of a chunk, bytes: a damaged size is refused before memory is reserved for it.
     pub chunk_size_limit: usize,
+    /// Keep what is readable of a damaged file instead of refusing it; [`Log::recovery`] then tells what was lost.
+    pub recover: bool,
 }
 
 impl Default for ReadOptions {
@@ -72,6 +76,7 @@ impl Default for ReadOptions {
             imu_units: ImuUnits::default(),
             gnss_velocity_axes: VelocityAxes::default(),
             chunk_size_limit: 1 << 30,
+            recover: false,
         }
     }
 }
@@ -123,7 +128,12 @@ impl Log {
     }
 
     fn new(path: &Path, source: Source, options: ReadOptions) -> Result<Log, LogError> {
-        let contents = Contents::read(source.bytes(), path, options.chunk_size_limit)?;
+        let (bytes, limit) = (source.bytes(), options.chunk_size_limit);
+        let contents = if options.recover {
+            Contents::recover(bytes, path, limit)?
+        } else {
+            Contents::read(bytes, path, limit)?
+        };
         let topics = list_topics(&contents);
         let selection = Selection::find(&topics, &options.topics, path)?;
         Ok(Log {
@@ -148,7 +158,30 @@ impl Log {
 
     /// CRC-32 of the whole file, to tell later which file a result came from.
     pub fn crc32(&self) -> u32 {
-        crc32fast::hash(self.source.bytes())
+        // The checksum of the data section covers all but the summary.
+        let (length, crc) = self.contents.data_crc.unwrap_or_default();
+        let mut hasher = crc32fast::Hasher::new_with_initial_len(crc, length as u64);
+        hasher.update(&self.source.bytes()[length..]);
+        hasher.finalize()
+    }
+
+    /// What was lost of a damaged file; `None` unless it was opened with [`ReadOptions::recover`].
+    pub fn recovery(&self) -> Option<&Recovery> {
+        self.contents.recovery.as_ref()
+    }
+
+    /// Whether the file has checksums by which damage to its messages would be noticed.
+    pub fn checksums(&self) -> Checksums {
+        self.contents.checksums
+    }
+
+    /// Call `each` with every record of the file in order, those inside a chunk where the chunk is: for programs that look at
+    /// the container itself. Damage is an error here, with or without recovery.
+    pub fn each_record<E: From<LogError>>(
+        &self,
+        each: impl FnMut(&McapRecord<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        each_record(self.source.bytes(), &self.path, each)
     }
 
     /// How it is being read.

@@ -44,61 +44,6 @@ fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
     files
 }
 
-/// The messages that a conformance file's JSON says it has.
-fn expected(json: &Path) -> Messages {
-    let value: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
-    let mut topics = BTreeMap::new();
-    let mut messages = Vec::new();
-    for record in value["records"].as_array().unwrap() {
-        let fields: BTreeMap<&str, &serde_json::Value> = record["fields"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|f| (f[0].as_str().unwrap(), &f[1]))
-            .collect();
-        let number = |name: &str| fields[name].as_str().unwrap().parse::<i64>().unwrap();
-        match record["type"].as_str().unwrap() {
-            "Channel" => {
-                topics.insert(number("id"), fields["topic"].as_str().unwrap().to_owned());
-            }
-            "Message" => {
-                let bytes = fields["data"]
-                    .as_array()
-                    .unwrap()
-                    .iter()
-                    .map(|b| b.as_str().unwrap().parse().unwrap())
-                    .collect();
-                let topic = topics[&number("channel_id")].clone();
-                messages.push((topic, number("log_time"), number("publish_time"), bytes));
-            }
-            _ => {}
-        }
-    }
-    messages.sort();
-    messages
-}
-
-#[test]
-fn conformance_files_hold_the_messages_that_their_project_says() {
-    let Some(folder) = recording("mcap_conformance") else {
-        return;
-    };
-    let files = files_below(&folder, "json");
-    assert!(files.len() > 400, "{} conformance files", files.len());
-    for json in files {
-        let mcap = json.with_extension("mcap");
-        let log = Log::open(&mcap, ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
-        let expected = expected(&json);
-        assert_eq!(messages_of(&log).unwrap(), expected, "{}", mcap.display());
-        assert_eq!(
-            log.topics().iter().map(|t| t.count).sum::<u64>(),
-            expected.len() as u64,
-            "{}",
-            mcap.display()
-        );
-    }
-}
-
 #[test]
 fn files_of_other_recorders_read_as_with_the_reference_crate() {
     let folders = ["mcap_real", "mcap_rosbag2", "mcap_evo"];
@@ -245,6 +190,67 @@ fn each_damage_has_its_own_error() {
             "{error}"
         );
         assert!(!error.remedy().is_empty());
+    }
+}
+
+#[test]
+fn recovery_keeps_what_is_readable_and_says_what_is_not() {
+    let Some(folder) = recording("mcap_real/broken") else {
+        return;
+    };
+    let whole = read(&folder.join("../comma2k19_ros2_lz4.mcap")).unwrap();
+    let open = |name: &str| {
+        let options = ReadOptions {
+            recover: true,
+            ..ReadOptions::default()
+        };
+        Log::open(&folder.join(name), options)
+    };
+    // All are of one recording of three chunks: how many of them are damaged, and what is said.
+    for (name, lost_chunks, says) in [
+        ("no_summary.mcap", 0, ""),
+        ("bad_start_magic.mcap", 0, "the start mark is damaged"),
+        (
+            "flipped_byte_in_chunk.mcap",
+            1,
+            "chunk: checksum does not match",
+        ),
+        ("huge_record_length.mcap", 0, "states a wrong length"),
+        ("no_end_magic.mcap", 0, "the end mark is missing"),
+        (
+            "summary_start_past_eof.mcap",
+            0,
+            "puts the summary at byte 1962596, which is outside",
+        ),
+        (
+            "truncated_60pct.mcap",
+            1,
+            "chunk cut off by the end of the file",
+        ),
+    ] {
+        let log = open(name).unwrap();
+        let kept = messages_of(&log).unwrap();
+        let recovery = log.recovery().unwrap();
+        let account = recovery.account(insnav_core::time::Time(0));
+        eprintln!("{name}: {account}");
+        assert_eq!(recovery.chunks_lost, lost_chunks, "{name}: {account}");
+        assert!(account.contains(says), "{name}: {account}");
+        assert_eq!(recovery.is_clean(), name == "no_summary.mcap");
+        assert_eq!(recovery.messages_kept, kept.len() as u64);
+        if lost_chunks == 0 {
+            assert!(kept == whole, "{name}: {account}");
+        } else {
+            let mut all = whole.iter();
+            assert!(kept.iter().all(|m| all.any(|other| other == m)), "{name}");
+            assert!(kept.len() > whole.len() / 3 && kept.len() < whole.len());
+        }
+        if let Some(missing) = recovery.messages_missing {
+            assert_eq!(missing as usize, whole.len() - kept.len(), "{name}");
+        }
+    }
+    for name in ["empty.mcap", "truncated_in_magic.mcap"] {
+        let error = open(name).unwrap_err();
+        assert!(!error.remedy().contains("--recover"), "{}", error.remedy());
     }
 }
 

@@ -88,12 +88,12 @@ struct Converted {
 
 impl Convert {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
-        let converted = self.convert()?;
+        let converted = self.convert(output)?;
         output.result(&converted, || summary(&converted));
         Ok(0)
     }
 
-    fn convert(&self) -> Result<Converted, Failure> {
+    fn convert(&self, output: &Output) -> Result<Converted, Failure> {
         let ending = ending(&self.output);
         if self.input.is_dir() || matches!(self::ending(&self.input).as_str(), "csv") {
             if ending != "mcap" {
@@ -108,7 +108,9 @@ impl Convert {
             input: self.input.clone(),
             ..Converted::default()
         };
-        if is_solution(&self.input)? {
+        let log = Log::open(&self.input, self.reading.options(&Config::default()))?;
+        output.warnings(log.recovery_warning().as_slice());
+        if is_solution(&log) {
             converted.epochs = Some(match ending.as_str() {
                 "tum" => solution_to_tum(&self.input, &self.output, self.force)?,
                 "csv" => solution_to_csv(&self.input, &self.output, self.force)?,
@@ -125,7 +127,6 @@ impl Convert {
             converted.outputs.push(self.output.clone());
             return Ok(converted);
         }
-        let log = Log::open(&self.input, self.reading.options(&Config::default()))?;
         log.require(insnav_log::Role::Imu)?;
         if !ending.is_empty() {
             return Err(Failure::usage(

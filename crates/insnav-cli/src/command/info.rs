@@ -8,8 +8,8 @@ use crate::text;
 use clap::Args;
 use insnav_core::time::Time;
 use insnav_log::{
-    Choice, Estimate, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions, TopicInfo,
-    TopicStatistics, Warning, config_text,
+    Checksums, Choice, Estimate, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions,
+    TopicInfo, TopicStatistics, Warning, config_text,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -39,6 +39,8 @@ pub(crate) struct LogReport {
     pub(crate) profile: String,
     pub(crate) library: String,
     pub(crate) indexed: bool,
+    /// Whether damage to messages would be noticed: all, some, none.
+    pub(crate) checksums: &'static str,
     pub(crate) begin_unix_s: Option<f64>,
     pub(crate) duration_s: Option<f64>,
     pub(crate) topics: Vec<TopicReport>,
@@ -111,7 +113,10 @@ impl Info {
             .unwrap_or_default();
         let (run, problem, warnings) = match Plan::make(&log, &config, &RunOptions::default()) {
             Ok(plan) => (Some(preview(&plan)), None, plan.warnings),
-            Err(error) => (None, Some(Failure::from(error)), Vec::new()),
+            Err(error) => {
+                let recovered = log.recovery_warning().into_iter().collect();
+                (None, Some(Failure::from(error)), recovered)
+            }
         };
         let (profile, library) = log.written_by();
         let range = log.time_range();
@@ -120,6 +125,11 @@ impl Info {
             profile: profile.to_owned(),
             library: library.to_owned(),
             indexed: log.is_indexed(),
+            checksums: match log.checksums() {
+                Checksums::All => "all",
+                Checksums::Some => "some",
+                Checksums::None => "none",
+            },
             begin_unix_s: range.map(|(first, _)| first.seconds()),
             duration_s: range.map(|(first, last)| last.since(first)),
             topics: topics(&log, origin)?,

@@ -59,6 +59,10 @@ pub(super) struct LogFlags {
     /// Which stamp of a message counts
     #[arg(long, value_enum, default_value = "header", value_name = "CLOCK")]
     time: Clock,
+
+    /// Keep what is readable of a truncated or damaged log, and tell what was lost
+    #[arg(long)]
+    recover: bool,
 }
 
 /// Height of the zero of altitudes above the ellipsoid, m.
@@ -85,6 +89,7 @@ impl LogFlags {
                 Clock::Publish => TimeSource::Publish,
             },
             geoid_height_m: self.altitude.0,
+            recover: self.recover,
             imu_units: self.imu_units,
             gnss_velocity_axes: self.gnss_velocity_axes,
             ..ReadOptions::default()

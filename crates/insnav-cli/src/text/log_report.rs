@@ -7,7 +7,7 @@ use insnav_log::{Estimate, NoiseReport};
 /// The report of `info`.
 pub(crate) fn log_report(r: &LogReport) -> String {
     let mut text = format!(
-        "{}: {}, written by {}{}{}\n",
+        "{}: {}, written by {}{}{}{}\n",
         r.input.display(),
         if r.profile.is_empty() {
             "no profile"
@@ -25,6 +25,11 @@ pub(crate) fn log_report(r: &LogReport) -> String {
             ""
         } else {
             "; no index, read as a stream"
+        },
+        match r.checksums {
+            "none" => "; no checksums, damage to messages would go unnoticed",
+            "some" => "; checksums for some of the messages only",
+            _ => "",
         }
     );
     let width = |of: fn(&TopicReport) -> usize| r.topics.iter().map(of).max().unwrap_or(0);

@@ -1,11 +1,15 @@
 //! What is in a file: schemas, channels, and the stretches of it that hold messages.
 
-use super::integrity::{check_end, check_start, cut_in_chunk, cut_off, record_name, truncated};
+use super::integrity::{
+    check_data, check_end, check_start, cut_in_chunk, cut_off, record_name, truncated,
+};
 use super::messages::Unpacker;
 use super::records::{Fields, MAGIC, MessageRecord, PREFIX, Record, Records, opcode};
+use super::recovery::Recovery;
+use super::section::{Section, SectionKind, chunk_section};
+use super::typed::McapRecord;
 use crate::error::LogError;
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::Path;
 
 /// A message definition.
@@ -25,39 +29,6 @@ pub(crate) struct Channel {
     pub(crate) encoding: String,
 }
 
-/// How a chunk is compressed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Compression {
-    None,
-    Zstd,
-    Lz4,
-}
-
-/// A stretch of the file with messages in it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Section {
-    /// Where it begins in the file.
-    pub(crate) offset: usize,
-    /// Earliest log time in it, ns.
-    pub(crate) start: u64,
-    /// Latest log time in it, ns.
-    pub(crate) end: u64,
-    pub(crate) kind: SectionKind,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum SectionKind {
-    /// A chunk: its (compressed) records, their uncompressed size and checksum (0: none).
-    Chunk {
-        compression: Compression,
-        data: Range<usize>,
-        size: usize,
-        crc: u32,
-    },
-    /// Messages outside chunks, with other records between them.
-    Plain(Range<usize>),
-}
-
 /// What a walk over the file found.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Contents {
@@ -71,15 +42,32 @@ pub(crate) struct Contents {
     pub(crate) metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// True when the channels were known from the summary, without decompressing anything.
     pub(crate) indexed: bool,
+    /// How many bytes the data section's checksum covers, and its value, once computed.
+    pub(crate) data_crc: Option<(usize, u32)>,
+    /// Whether damage to messages would be noticed.
+    pub(crate) checksums: Checksums,
+    /// What recovery did; absent when it was not asked for.
+    pub(crate) recovery: Option<Recovery>,
 }
 
-/// The summary's own numbers, to be compared with what was found.
-struct Statistics {
-    messages: u64,
-    schemas: u16,
-    channels: u32,
-    chunks: u32,
-    counts: BTreeMap<u16, u64>,
+/// Whether damage to a log's messages can be noticed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Checksums {
+    /// Every message is covered by a checksum.
+    #[default]
+    All,
+    /// Some are.
+    Some,
+    /// None is: damage goes unnoticed unless it breaks the structure.
+    None,
+}
+
+/// What the summary says, to be compared with what was found.
+#[derive(Default)]
+struct Summary<'a> {
+    statistics: Option<McapRecord<'a>>,
+    /// Offset, length, first and last log time of every chunk that it lists.
+    chunks: Vec<[u64; 4]>,
 }
 
 impl Contents {
@@ -87,9 +75,8 @@ impl Contents {
     pub(crate) fn read(bytes: &[u8], path: &Path, size_limit: usize) -> Result<Self, LogError> {
         check_start(bytes, path)?;
         let mut contents = Contents::default();
-        let mut statistics = None;
+        let mut summary = Summary::default();
         let mut data_end = None;
-        let mut has_chunks = false;
         let mut records = Records::new(bytes, MAGIC.len());
         let footer = loop {
             let record = match records.next() {
@@ -103,6 +90,13 @@ impl Contents {
                 reason: format!("{} does not parse", record_name(record.opcode)),
             };
             match record.opcode {
+                opcode::CHUNK | opcode::MESSAGE if data_end.is_some() => {
+                    return Err(LogError::Damaged {
+                        path: path.into(),
+                        offset: record.offset as u64,
+                        reason: format!("{} behind the end of data", record_name(record.opcode)),
+                    });
+                }
                 opcode::HEADER => {
                     let mut fields = Fields(record.body);
                     contents.profile = fields.string().ok_or_else(malformed)?.to_owned();
@@ -110,14 +104,13 @@ impl Contents {
                 }
                 opcode::SCHEMA | opcode::CHANNEL => contents.define(&record, path)?,
                 opcode::CHUNK => {
-                    has_chunks = true;
                     let section = chunk_section(&record, path, size_limit)?;
                     contents.sections.push(section);
                 }
                 opcode::MESSAGE => {
                     let message = MessageRecord::parse(record.body).ok_or_else(malformed)?;
                     *contents.counts.entry(message.channel).or_default() += 1;
-                    contents.extend_plain(&record, message.log_time);
+                    contents.extend_plain(&record, message.log_time, false);
                 }
                 opcode::METADATA => {
                     let mut fields = Fields(record.body);
@@ -127,7 +120,11 @@ impl Contents {
                         .insert(name, fields.string_map().ok_or_else(malformed)?);
                 }
                 opcode::STATISTICS => {
-                    statistics = Some(parse_statistics(record.body).ok_or_else(malformed)?)
+                    summary.statistics = Some(McapRecord::parse(&record).ok_or_else(malformed)?)
+                }
+                opcode::CHUNK_INDEX => {
+                    let index = McapRecord::parse(&record).ok_or_else(malformed)?;
+                    summary.chunks.extend(place_of_chunk(&index));
                 }
                 opcode::DATA_END => {
                     let crc = Fields(record.body).u32().ok_or_else(malformed)?;
@@ -137,23 +134,19 @@ impl Contents {
                 _ => {}
             }
         };
-        check_end(
-            bytes,
-            path,
-            &footer,
-            records.position(),
-            data_end,
-            has_chunks,
-        )?;
+        let stated_crc = check_end(bytes, path, &footer, records.position(), data_end)?;
+        contents.data_crc = check_data(bytes, path, &contents.sections, stated_crc)?;
+        contents.checksums = contents.covered(stated_crc.1 != 0);
         let plain = std::mem::take(&mut contents.counts);
-        match statistics {
-            Some(statistics) if contents.agrees_with(&statistics) => {
-                contents.counts = statistics.counts;
+        match contents.agreed_counts(&summary) {
+            Some(counts) => {
+                contents.counts = counts;
                 contents.indexed = true;
             }
-            _ => {
+            None => {
                 contents.counts = plain;
                 contents.look_into_chunks(bytes, path)?;
+                contents.compare_counts(&summary, path, footer.offset)?;
             }
         }
         Ok(contents)
@@ -168,29 +161,72 @@ impl Contents {
         ))
     }
 
-    /// Whether the definitions found outside chunks are all there are.
-    fn agrees_with(&self, statistics: &Statistics) -> bool {
-        let chunks = self
-            .sections
-            .iter()
-            .filter(|s| matches!(s.kind, SectionKind::Chunk { .. }))
-            .count();
-        statistics.chunks as usize == chunks
-            && statistics.channels as usize == self.channels.len()
-            && usize::from(statistics.schemas) <= self.schemas.len()
+    /// The summary's counts, if the definitions outside chunks are all there are and what it says of chunks is true.
+    fn agreed_counts(&self, summary: &Summary<'_>) -> Option<BTreeMap<u16, u64>> {
+        let Some(McapRecord::Statistics {
+            message_count,
+            schema_count,
+            channel_count,
+            chunk_count,
+            channel_message_counts: counts,
+            ..
+        }) = &summary.statistics
+        else {
+            return None;
+        };
+        let is_chunk = |s: &&Section| matches!(s.kind, SectionKind::Chunk { .. });
+        let chunks = || self.sections.iter().filter(is_chunk);
+        let listed = summary.chunks.is_empty()
+            || chunks()
+                .map(place_of_section)
+                .eq(summary.chunks.iter().copied());
+        let complete = listed
+            && *chunk_count as usize == chunks().count()
+            && *channel_count as usize == self.channels.len()
+            && usize::from(*schema_count) <= self.schemas.len()
             && self
                 .channels
                 .values()
                 .all(|c| c.schema == 0 || self.schemas.contains_key(&c.schema))
-            && statistics
-                .counts
-                .keys()
-                .all(|id| self.channels.contains_key(id))
-            && statistics
-                .counts
-                .values()
-                .try_fold(0u64, |sum, n| sum.checked_add(*n))
-                == Some(statistics.messages)
+            && counts.keys().all(|id| self.channels.contains_key(id))
+            && counts.values().try_fold(0u64, |sum, n| sum.checked_add(*n)) == Some(*message_count);
+        complete.then(|| counts.clone())
+    }
+
+    /// A summary that counts other messages than were found: a chunk went missing where no checksum could tell.
+    fn compare_counts(
+        &self,
+        summary: &Summary<'_>,
+        path: &Path,
+        footer: usize,
+    ) -> Result<(), LogError> {
+        let found: u64 = self.counts.values().sum();
+        match &summary.statistics {
+            Some(McapRecord::Statistics { message_count, .. }) if *message_count != found => {
+                Err(LogError::Damaged {
+                    path: path.into(),
+                    offset: footer as u64,
+                    reason: format!(
+                        "the summary before the footer counts {message_count} messages, the file holds {found}"
+                    ),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What checksums there are.
+    pub(super) fn covered(&self, data_section: bool) -> Checksums {
+        let covered = |section: &Section| match section.kind {
+            SectionKind::Chunk { crc, .. } => crc != 0,
+            SectionKind::Plain(_) => false,
+        };
+        let count = self.sections.iter().filter(|s| covered(s)).count();
+        match count {
+            _ if data_section || count == self.sections.len() => Checksums::All,
+            0 => Checksums::None,
+            _ => Checksums::Some,
+        }
     }
 
     fn look_into_chunks(&mut self, bytes: &[u8], path: &Path) -> Result<(), LogError> {
@@ -229,7 +265,7 @@ impl Contents {
         Ok(())
     }
 
-    fn define(&mut self, record: &Record<'_>, path: &Path) -> Result<(), LogError> {
+    pub(super) fn define(&mut self, record: &Record<'_>, path: &Path) -> Result<(), LogError> {
         let damaged = |reason: &str| LogError::Damaged {
             path: path.into(),
             offset: record.offset as u64,
@@ -273,15 +309,15 @@ impl Contents {
         }
     }
 
-    /// Add a message outside chunks to the section before it, unless a chunk is between them.
-    fn extend_plain(&mut self, record: &Record<'_>, time: u64) {
+    /// Add a message outside chunks to the section before it, unless a chunk is between them or a new one has to begin.
+    pub(super) fn extend_plain(&mut self, record: &Record<'_>, time: u64, begin: bool) {
         let end = record.offset + PREFIX + record.body.len();
         if let Some(Section {
             start,
             end: last,
             kind: SectionKind::Plain(range),
             ..
-        }) = self.sections.last_mut()
+        }) = self.sections.last_mut().filter(|_| !begin)
         {
             range.end = end;
             *start = (*start).min(time);
@@ -314,89 +350,32 @@ fn begins_with_header(text: &[u8]) -> bool {
         })
 }
 
-fn chunk_section(record: &Record<'_>, path: &Path, size_limit: usize) -> Result<Section, LogError> {
-    let offset = record.offset as u64;
-    let damaged = |reason: String| LogError::Damaged {
-        path: path.into(),
-        offset,
-        reason,
-    };
-    let mut fields = Fields(record.body);
-    let mut head = || {
-        Some((
-            fields.u64()?,
-            fields.u64()?,
-            fields.u64()?,
-            fields.u32()?,
-            fields.string()?,
-            fields.u64()?,
-        ))
-    };
-    let (start, end, size, crc, compression, length) =
-        head().ok_or_else(|| damaged("chunk does not parse".into()))?;
-    let begin = record.offset + PREFIX + (record.body.len() - fields.0.len());
-    let Some(length) = usize::try_from(length)
-        .ok()
-        .filter(|length| *length <= fields.0.len())
-    else {
-        return Err(damaged(format!(
-            "chunk states {length} bytes of records and has {}",
-            fields.0.len()
-        )));
-    };
-    let Some(size) = usize::try_from(size)
-        .ok()
-        .filter(|size| *size <= size_limit)
-    else {
-        return Err(damaged(format!(
-            "chunk states an uncompressed size of {size} bytes, above the limit of {size_limit}"
-        )));
-    };
-    let compression = match compression {
-        "" => Compression::None,
-        "zstd" => Compression::Zstd,
-        "lz4" => Compression::Lz4,
-        other => {
-            return Err(LogError::Compression {
-                path: path.into(),
-                offset,
-                compression: other.into(),
-            });
-        }
-    };
-    if compression == Compression::None && size != length {
-        return Err(damaged(format!(
-            "uncompressed chunk states {size} bytes and has {length}"
-        )));
+fn place_of_chunk(index: &McapRecord<'_>) -> Option<[u64; 4]> {
+    match *index {
+        McapRecord::ChunkIndex {
+            message_start_time,
+            message_end_time,
+            chunk_start_offset,
+            chunk_length,
+            ..
+        } => Some([
+            chunk_start_offset,
+            chunk_length,
+            message_start_time,
+            message_end_time,
+        ]),
+        _ => None,
     }
-    let kind = SectionKind::Chunk {
-        compression,
-        data: begin..begin + length,
-        size,
-        crc,
-    };
-    Ok(Section {
-        offset: record.offset,
-        start,
-        end,
-        kind,
-    })
 }
 
-fn parse_statistics(body: &[u8]) -> Option<Statistics> {
-    let mut fields = Fields(body);
-    let messages = fields.u64()?;
-    let schemas = fields.u16()?;
-    let channels = fields.u32()?;
-    let _attachments = fields.u32()?;
-    let _metadata = fields.u32()?;
-    let chunks = fields.u32()?;
-    let (_first, _last) = (fields.u64()?, fields.u64()?);
-    Some(Statistics {
-        messages,
-        schemas,
-        channels,
-        chunks,
-        counts: fields.count_map()?,
-    })
+fn place_of_section(section: &Section) -> [u64; 4] {
+    let end = match &section.kind {
+        SectionKind::Chunk { data, .. } | SectionKind::Plain(data) => data.end,
+    };
+    [
+        section.offset as u64,
+        (end - section.offset) as u64,
+        section.start,
+        section.end,
+    ]
 }

@@ -1,7 +1,8 @@
 //! Whether a file is whole: its marks, its pointers, its checksums, and the errors that name what is not.
 
-use super::contents::Section;
+use super::messages::Unpacker;
 use super::records::{Cut, Fields, MAGIC, PREFIX, Record, opcode};
+use super::section::Section;
 use crate::error::LogError;
 use std::path::Path;
 
@@ -32,15 +33,15 @@ pub(super) fn check_start(bytes: &[u8], path: &Path) -> Result<(), LogError> {
     })
 }
 
-/// What follows the footer, what the footer points to, and the checksums of the data section and of the summary.
+/// What follows the footer, what the footer points to, and the checksum of the summary. Returns the length of the data
+/// section and its stored checksum.
 pub(super) fn check_end(
     bytes: &[u8],
     path: &Path,
     footer: &Record<'_>,
     after: usize,
     data_end: Option<(usize, u32)>,
-    has_chunks: bool,
-) -> Result<(), LogError> {
+) -> Result<(usize, u32), LogError> {
     let damaged = |offset: usize, reason: String| LogError::Damaged {
         path: path.into(),
         offset: offset as u64,
@@ -69,32 +70,61 @@ pub(super) fn check_end(
             "there is no end of data before the footer".into(),
         ));
     };
-    if summary_start != 0 {
-        let start = usize::try_from(summary_start)
+    let start = summary_start_checked(summary_start, data_end, footer.offset).ok_or_else(|| {
+        let reason = format!(
+            "the footer puts the summary at byte {summary_start} of a file of {} bytes",
+            bytes.len()
+        );
+        damaged(footer.offset, reason)
+    })?;
+    check_crc(
+        path,
+        "summary",
+        start,
+        crc,
+        &bytes[start..footer.offset + PREFIX + 16],
+    )?;
+    Ok((data_end, data_crc))
+}
+
+/// Where the summary's checksum begins: at the footer if there is no summary; `None` for a pointer to elsewhere. It covers
+/// the footer up to its own field.
+pub(super) fn summary_start_checked(stated: u64, data_end: usize, footer: usize) -> Option<usize> {
+    match stated {
+        0 => Some(footer),
+        _ => usize::try_from(stated)
             .ok()
-            .filter(|s| (data_end..=footer.offset).contains(s));
-        let Some(start) = start else {
-            let reason = format!(
-                "the footer puts the summary at byte {summary_start} of a file of {} bytes",
-                bytes.len()
-            );
-            return Err(damaged(footer.offset, reason));
-        };
-        // The checksum covers the footer up to its own field.
-        check_crc(
-            path,
-            "summary",
-            start,
-            crc,
-            &bytes[start..footer.offset + PREFIX + 16],
-        )?;
+            .filter(|s| (data_end..=footer).contains(s)),
     }
-    // Chunks carry checksums of their own, and summing gigabytes before the first sample would only repeat them.
-    if has_chunks {
-        Ok(())
-    } else {
-        check_crc(path, "data section", 0, data_crc, &bytes[..data_end])
+}
+
+/// The checksum of the data section: chunks have their own, but not for where they are, when they begin and how long they
+/// are. Returns what was computed, if it was.
+pub(super) fn check_data(
+    bytes: &[u8],
+    path: &Path,
+    sections: &[Section],
+    (length, stored): (usize, u32),
+) -> Result<Option<(usize, u32)>, LogError> {
+    if stored == 0 {
+        return Ok(None);
     }
+    let computed = crc32fast::hash(&bytes[..length]);
+    if computed == stored {
+        return Ok(Some((length, computed)));
+    }
+    // A chunk's own checksum tells the place better.
+    let (mut unpacker, mut buffer) = (Unpacker::default(), Vec::new());
+    for section in sections {
+        unpacker.unpack(section, bytes, &mut buffer, path)?;
+    }
+    Err(LogError::Crc {
+        path: path.into(),
+        what: "data section",
+        offset: 0,
+        stored,
+        computed,
+    })
 }
 
 /// Compare a stored checksum (0: none) with that of the bytes.

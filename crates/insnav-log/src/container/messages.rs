@@ -1,8 +1,9 @@
 //! Messages in order of log time, borrowed from the file or from one reused buffer per open chunk.
 
-use super::contents::{Compression, Contents, Section, SectionKind};
+use super::contents::Contents;
 use super::integrity::{check_crc, cut_in_chunk};
 use super::records::{MessageRecord, Records, opcode};
+use super::section::{Compression, Section, SectionKind};
 use crate::error::LogError;
 use insnav_core::time::Time;
 use std::io::Read;
@@ -36,17 +37,21 @@ impl Unpacker {
         buffer: &'a mut Vec<u8>,
         path: &Path,
     ) -> Result<&'a [u8], LogError> {
-        let (compression, data, size, crc) = match &section.kind {
+        let (compression, data, size, crc, cut) = match &section.kind {
             SectionKind::Plain(range) => return Ok(&file[range.clone()]),
             SectionKind::Chunk {
                 compression,
                 data,
                 size,
                 crc,
-            } => (*compression, &file[data.clone()], *size, *crc),
+                cut,
+            } => (*compression, &file[data.clone()], *size, *crc, *cut),
         };
         let records = if compression == Compression::None {
             data
+        } else if cut {
+            decompress_start(compression, data, size, buffer);
+            buffer
         } else {
             self.decompress(compression, data, size, buffer)
                 .map_err(|source| LogError::Damaged {
@@ -92,6 +97,25 @@ impl Unpacker {
             )))
         }
     }
+}
+
+/// As much of the beginning of a chunk as comes out of it, at most `size` bytes.
+pub(super) fn decompress_start(
+    compression: Compression,
+    data: &[u8],
+    size: usize,
+    buffer: &mut Vec<u8>,
+) {
+    buffer.clear();
+    let from: Option<Box<dyn Read + '_>> = match compression {
+        Compression::None => Some(Box::new(data)),
+        Compression::Zstd => zstd::stream::read::Decoder::new(data)
+            .ok()
+            .map(|d| Box::new(d) as _),
+        Compression::Lz4 => lz4::Decoder::new(data).ok().map(|d| Box::new(d) as _),
+    };
+    // The error at the end of what is there is the reason for being here.
+    let _ = from.map(|from| from.take(size as u64).read_to_end(buffer));
 }
 
 /// An open section: where its records are, and where each wanted message begins, by log time.
@@ -238,6 +262,9 @@ impl<'a> Messages<'a> {
             let message = MessageRecord::parse(record.body)
                 .ok_or_else(|| cut_in_chunk(section, self.path))?;
             if !contents.channels.contains_key(&message.channel) {
+                if contents.recovery.is_some() {
+                    continue;
+                }
                 return Err(LogError::Damaged {
                     path: self.path.into(),
                     offset: section.offset as u64,
@@ -245,6 +272,13 @@ impl<'a> Messages<'a> {
                         "a message is on channel {}, which is not described",
                         message.channel
                     ),
+                });
+            }
+            if message.log_time < section.start {
+                return Err(LogError::Damaged {
+                    path: self.path.into(),
+                    offset: section.offset as u64,
+                    reason: "a message is earlier than its chunk says to begin".into(),
                 });
             }
             if self

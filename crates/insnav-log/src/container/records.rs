@@ -12,8 +12,14 @@ pub(crate) mod opcode {
     pub(crate) const CHANNEL: u8 = 0x04;
     pub(crate) const MESSAGE: u8 = 0x05;
     pub(crate) const CHUNK: u8 = 0x06;
+    pub(crate) const MESSAGE_INDEX: u8 = 0x07;
+    pub(crate) const CHUNK_INDEX: u8 = 0x08;
+    pub(crate) const ATTACHMENT: u8 = 0x09;
+    pub(crate) const ATTACHMENT_INDEX: u8 = 0x0a;
     pub(crate) const STATISTICS: u8 = 0x0b;
     pub(crate) const METADATA: u8 = 0x0c;
+    pub(crate) const METADATA_INDEX: u8 = 0x0d;
+    pub(crate) const SUMMARY_OFFSET: u8 = 0x0e;
     pub(crate) const DATA_END: u8 = 0x0f;
 }
 
@@ -108,6 +114,10 @@ impl<'a> Fields<'a> {
         Some(*bytes)
     }
 
+    pub(crate) fn u8(&mut self) -> Option<u8> {
+        self.array().map(u8::from_le_bytes)
+    }
+
     pub(crate) fn u16(&mut self) -> Option<u16> {
         self.array().map(u16::from_le_bytes)
     }
@@ -123,6 +133,14 @@ impl<'a> Fields<'a> {
     /// Bytes behind their 32-bit length.
     pub(crate) fn bytes(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()? as usize;
+        let bytes = self.0.get(..length)?;
+        self.0 = &self.0[length..];
+        Some(bytes)
+    }
+
+    /// Bytes behind their 64-bit length.
+    pub(crate) fn long_bytes(&mut self) -> Option<&'a [u8]> {
+        let length = usize::try_from(self.u64()?).ok()?;
         let bytes = self.0.get(..length)?;
         self.0 = &self.0[length..];
         Some(bytes)

@@ -22,9 +22,28 @@ pub(super) fn lever_arm_unknown() -> Warning {
     )
 }
 
+impl Log {
+    /// That the log was damaged, and what is left of it; `None` when it is whole or was read without recovery.
+    pub fn recovery_warning(&self) -> Option<Warning> {
+        let recovery = self.recovery().filter(|recovery| !recovery.is_clean())?;
+        let begin = self.time_range().map(|(first, _)| first);
+        let zero = self.t0().ok().flatten().or(begin).unwrap_or_default();
+        let message = format!(
+            "{}: damaged, recovered: {}",
+            self.path().display(),
+            recovery.account(zero)
+        );
+        Some(warning(
+            "recovered",
+            message,
+            "copy the file again from its origin; what is lost is bridged like any other gap",
+        ))
+    }
+}
+
 /// By the messages of a log: what is dropped on the way to samples, and stamps that are not in order.
 pub(super) fn oddities_of_log(log: &Log) -> Result<Vec<Warning>, RunError> {
-    let mut found = Vec::new();
+    let mut found: Vec<Warning> = log.recovery_warning().into_iter().collect();
     let statistics = log.statistics()?;
     for role in [Role::Imu, Role::GnssPosition, Role::GnssVelocity] {
         let Some(s) = log.selected().topic(role).and_then(|i| statistics.get(i)) else {
