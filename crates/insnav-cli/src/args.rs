@@ -1,6 +1,6 @@
 //! The arguments as a whole: one verb, one format.
 
-use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Run};
+use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Run, Simulate};
 use crate::failure::Failure;
 use crate::output::{Format, Output};
 use clap::{Parser, Subcommand};
@@ -33,6 +33,7 @@ pub(crate) enum Verb {
     Compare(Compare),
     Convert(Convert),
     Demo(Demo),
+    Simulate(Simulate),
     Completions(Completions),
     Man(Man),
 }
@@ -46,6 +47,7 @@ impl Verb {
             Verb::Compare(verb) => verb.run(output),
             Verb::Convert(verb) => verb.run(output),
             Verb::Demo(verb) => verb.run(output),
+            Verb::Simulate(verb) => verb.run(output),
             Verb::Completions(verb) => verb.run(output),
             Verb::Man(verb) => verb.run(output),
         }

@@ -1,7 +1,7 @@
 //! Settings from TOML: one schema for the command line and Python, unknown keys refused by name.
 
 use insnav_core::config::Config;
-use serde::de::{self, Deserialize, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
+use serde::de::{self, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ pub fn parse_config(
                 message: e.to_string(),
             })?;
     // The file alone first, so that its errors carry its name.
-    let config = read(table.clone(), origin)?;
+    let config: Config = read(table.clone(), origin)?;
     if assignments.is_empty() {
         return Ok(config);
     }
@@ -130,8 +130,25 @@ pub fn config_text(config: &Config) -> String {
     )
 }
 
-fn read(table: toml::Table, origin: &str) -> Result<Config, ConfigError> {
-    Config::deserialize(Value(toml::Value::Table(table))).map_err(|fault| fault.into_error(origin))
+/// Any table of settings from TOML text. `origin` names the text in errors.
+pub(crate) fn read_table<T: serde::de::DeserializeOwned>(
+    text: &str,
+    origin: &str,
+) -> Result<T, ConfigError> {
+    let table: toml::Table = text
+        .parse()
+        .map_err(|e: toml::de::Error| ConfigError::Syntax {
+            origin: origin.into(),
+            message: e.to_string(),
+        })?;
+    read(table, origin)
+}
+
+fn read<T: serde::de::DeserializeOwned>(
+    table: toml::Table,
+    origin: &str,
+) -> Result<T, ConfigError> {
+    T::deserialize(Value(toml::Value::Table(table))).map_err(|fault| fault.into_error(origin))
 }
 
 fn assign(table: &mut toml::Table, text: &str) -> Result<(), ConfigError> {

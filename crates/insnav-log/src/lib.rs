@@ -26,6 +26,7 @@ mod reorder;
 pub mod ros2;
 mod run;
 mod samples;
+mod scenario_file;
 mod sink;
 mod solution;
 mod stats;
@@ -50,6 +51,7 @@ pub use run::{
     Warning, Withhold,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
+pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
 pub use solution::{SolutionTable, UpdateRow};
 pub use stats::{Spread, TopicStatistics};

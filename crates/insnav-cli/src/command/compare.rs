@@ -1,11 +1,11 @@
 //! `insnav compare`: a solution against a reference.
 
-use crate::failure::{FAILED, Failure};
+use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
 use crate::text;
 use clap::Args;
 use insnav_core::metrics::{CompareOptions, Comparison, compare};
-use insnav_log::{ComparedReference, ComparedSolution};
+use insnav_log::{ComparedReference, ComparedSolution, Warning};
 use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,10 @@ pub(crate) struct Compare {
     /// End with code 1 if a number is larger, such as horizontal_rms_m=0.05 or withheld.height_rms_m=0.1 (repeatable)
     #[arg(long, value_name = "KEY=VALUE", value_parser = limit)]
     max: Vec<Limit>,
+
+    /// End with code 3 when there are warnings about the comparison
+    #[arg(long)]
+    strict: bool,
 }
 
 /// A clock of the log.
@@ -98,6 +102,62 @@ struct Row {
     comparison: Comparison,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     max: Vec<Checked>,
+    warnings: Vec<Warning>,
+}
+
+/// Errors of so many of their stated sigmas, squared, are no bad luck.
+const ABSURD_NEES: f64 = 25.0;
+/// Nor are sigmas of ten times the errors good luck over a whole drive.
+const IDLE_NEES: f64 = 0.01;
+/// Further away than this on average is another place, m.
+const ELSEWHERE_M: f64 = 1000.0;
+
+/// What makes one doubt that solution and reference belong together, or that either is what it says.
+fn doubts(name: &str, c: &Comparison) -> Vec<Warning> {
+    let mut found = Vec::new();
+    let mut warn = |code, message: String, remedy: &str| {
+        found.push(Warning {
+            code,
+            message: format!("{name}: {message}"),
+            remedy: remedy.into(),
+        });
+    };
+    if let Some(rms) = c.all.horizontal_rms_m.filter(|rms| *rms > ELSEWHERE_M) {
+        warn(
+            "reference_elsewhere",
+            format!("solution and reference are {rms:.0} m apart on average"),
+            "check that both are of the same drive, and that the reference has latitude and longitude in their columns",
+        );
+    }
+    let nees = &c.all.nees;
+    let of = [
+        ("position", nees.position),
+        ("velocity", nees.velocity),
+        ("attitude", nees.attitude),
+    ];
+    for (what, value) in of {
+        let Some(value) = value else { continue };
+        if value > ABSURD_NEES {
+            warn(
+                "nees_absurd",
+                format!(
+                    "the {what} errors are {:.0} times what the solution states (NEES {value:.0}, and 1 is right)",
+                    value.sqrt()
+                ),
+                "check clock, lever arm and mounting (`insnav info`, --reference-clock, --remove-mounting), and that the reference \
+                 itself is better than the stated sigmas",
+            );
+        } else if value < IDLE_NEES {
+            warn(
+                "nees_idle",
+                format!(
+                    "the {what} errors are far smaller than what the solution states (NEES {value:.4}, and 1 is right)"
+                ),
+                "the stated noise is too large, or the reference was made of the solution itself",
+            );
+        }
+    }
+    found
 }
 
 impl Compare {
@@ -139,10 +199,19 @@ impl Compare {
                 )
             });
         }
+        let mut warned = false;
+        for row in &rows {
+            output.warnings(&row.warnings);
+            warned |= !row.warnings.is_empty();
+        }
         for line in &failed {
             output.note("failed", line);
         }
-        Ok(if failed.is_empty() { 0 } else { FAILED })
+        Ok(match (failed.is_empty(), warned && self.strict) {
+            (false, _) => FAILED,
+            (true, true) => WARNED,
+            (true, false) => 0,
+        })
     }
 
     fn one(
@@ -199,11 +268,13 @@ impl Compare {
                 "check that both count seconds from the same origin (`convert --t0`), and --from and --to",
             ));
         }
+        let solution_name = solution_path.display().to_string();
         let mut row = Row {
             name,
             solution: solution_path,
             reference: reference_path,
             reference_at_antenna: reference.at_antenna,
+            warnings: doubts(&solution_name, &comparison),
             comparison,
             max: Vec::new(),
         };
@@ -399,6 +470,22 @@ mod tests {
             "what is not known is not small"
         );
         assert_eq!(passed("horizontal_rms"), Err(crate::failure::USAGE));
+    }
+
+    #[test]
+    fn absurd_numbers_are_doubted() {
+        let codes = |change: fn(&mut Comparison)| {
+            let mut c = Comparison::default();
+            change(&mut c);
+            let codes: Vec<&str> = doubts("x", &c).iter().map(|w| w.code).collect();
+            codes.join(" ")
+        };
+        assert_eq!(codes(|_| ()), "");
+        assert_eq!(codes(|c| c.all.nees.position = Some(3.0)), "");
+        assert_eq!(codes(|c| c.all.nees.velocity = Some(30.0)), "nees_absurd");
+        assert_eq!(codes(|c| c.all.nees.attitude = Some(0.0)), "nees_idle");
+        let elsewhere = codes(|c| c.all.horizontal_rms_m = Some(5e6));
+        assert_eq!(elsewhere, "reference_elsewhere");
     }
 
     #[test]

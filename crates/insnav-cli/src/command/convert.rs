@@ -1,8 +1,10 @@
 //! `insnav convert`: between the common CSV, logs and trajectories.
 
 use super::log_flags::{Axes, LogFlags};
+use super::run_inputs::not_the_input;
 use crate::failure::Failure;
 use crate::output::Output;
+use crate::progress::Progress;
 use clap::Args;
 use insnav_core::config::Config;
 use insnav_core::time::Time;
@@ -10,7 +12,7 @@ use insnav_log::convert::{
     ConvertOptions, CsvInputs, csv_to_mcap, is_solution, mcap_to_csv, solution_to_csv,
     solution_to_tum,
 };
-use insnav_log::{ImuAxes, Log, LogWriterOptions};
+use insnav_log::{ImuAxes, Log, LogWriterOptions, check_output};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -41,7 +43,8 @@ pub(crate) struct Convert {
     #[arg(
         long,
         value_name = "UNIX_S",
-        default_value_t = 1_600_000_000.0,
+        default_value = "1600000000",
+        value_parser = unix_time,
         allow_hyphen_values = true
     )]
     t0: f64,
@@ -56,6 +59,14 @@ pub(crate) struct Convert {
 
     #[command(flatten)]
     reading: LogFlags,
+}
+
+/// Stamps of ROS messages count seconds since 1970 in 32 bits with a sign; a recording needs room behind its zero.
+fn unix_time(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if (0.0..=2.0e9).contains(&s) => Ok(s),
+        _ => Err("seconds since 1970 are needed, between 0 and 2000000000".into()),
+    }
 }
 
 /// Three lengths.
@@ -88,7 +99,14 @@ struct Converted {
 
 impl Convert {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
-        let converted = self.convert(output)?;
+        not_the_input(&self.input, &self.output)?;
+        if !ending(&self.output).is_empty() {
+            check_output(&self.output, self.force)?;
+        }
+        let converted = {
+            let _progress = Progress::new(&format!("converting {}", self.input.display()), None);
+            self.convert(output)?
+        };
         output.result(&converted, || summary(&converted));
         Ok(0)
     }
@@ -223,6 +241,14 @@ mod tests {
         assert_eq!(ending(Path::new("a/imu.csv.gz")), "csv");
         assert_eq!(ending(Path::new("a/x.insnav.MCAP")), "mcap");
         assert_eq!(ending(Path::new("a/folder")), "");
+    }
+
+    #[test]
+    fn instants() {
+        assert_eq!(unix_time("1600000000.5"), Ok(1_600_000_000.5));
+        for wrong in ["nan", "inf", "1e30", "-1", "soon"] {
+            assert!(unix_time(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -2,23 +2,18 @@
 
 use super::run::{Outcome, execute};
 use super::run_inputs::Job;
+use super::simulate::{truth, write_log};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::text;
 use clap::Args;
-use insnav_core::attitude::Euler;
 use insnav_core::config::Config;
 use insnav_core::imu::ImuGrade;
 use insnav_core::metrics::{CompareOptions, Comparison, Withheld, compare};
-use insnav_core::sim::{Scenario, Simulation};
-use insnav_core::time::Time;
-use insnav_log::{
-    ComparedReference, ComparedSolution, Log, LogWriter, LogWriterOptions, ReadOptions, RunOptions,
-    config_text,
-};
-use nalgebra::Vector3;
+use insnav_core::sim::Scenario;
+use insnav_log::csv::write_truth;
+use insnav_log::{ComparedReference, ComparedSolution, Log, ReadOptions, RunOptions, config_text};
 use serde::Serialize;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// See it work without any data: simulate a drive, navigate it, compare the solution with the truth
@@ -41,13 +36,13 @@ pub(crate) struct DemoReport {
     pub(crate) log: PathBuf,
     pub(crate) config: PathBuf,
     pub(crate) truth: PathBuf,
+    pub(crate) dir: PathBuf,
+    /// What the files of the folder take together.
+    pub(crate) bytes: u64,
     pub(crate) run: Outcome,
     /// Against the truth; `withheld` is inside the outages.
     pub(crate) comparison: Comparison,
 }
-
-/// Truth is written at this rate, Hz.
-const TRUTH_RATE_HZ: f64 = 10.0;
 
 impl Demo {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
@@ -71,12 +66,8 @@ impl Demo {
             .simulate(self.seed)
             .map_err(insnav_log::RunError::from)?;
         let t0 = simulation.trajectory.start();
-        let lever_arm = Vector3::from(scenario.gnss.lever_arm_b_m);
-        write_log(&log_path, &simulation, t0, lever_arm)?;
-        write_file(
-            &truth_path,
-            &truth_csv(&simulation, t0, scenario.duration_s),
-        )?;
+        write_log(&log_path, &simulation, &scenario.gnss, true)?;
+        write_truth(&truth_path, truth(&simulation, &scenario), true)?;
         let mut config = Config::default();
         config.imu.grade = Some(ImuGrade::Consumer);
         // The errors of the simulated fixes are independent, those of real receivers are not.
@@ -116,6 +107,8 @@ impl Demo {
             log: log_path,
             config: config_path,
             truth: truth_path,
+            bytes: size_of(&self.dir),
+            dir: self.dir.clone(),
             run,
             comparison,
         })
@@ -132,51 +125,14 @@ fn scenario() -> Scenario {
     scenario
 }
 
-fn write_log(
-    path: &Path,
-    simulation: &Simulation,
-    t0: Time,
-    lever_arm: Vector3<f64>,
-) -> Result<(), Failure> {
-    let options = LogWriterOptions {
-        force: true,
-        t0: Some(t0),
-        lever_arm_b: Some(lever_arm),
-        ..LogWriterOptions::default()
-    };
-    let mut writer = LogWriter::create(path, options)?;
-    for sample in &simulation.samples {
-        writer.write(sample)?;
-    }
-    writer.finish()?;
-    Ok(())
-}
-
-fn truth_csv(simulation: &Simulation, t0: Time, duration_s: f64) -> String {
-    let mut text = String::from("t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg\n");
-    for i in 0..=(duration_s * TRUTH_RATE_HZ) as u32 {
-        let t = f64::from(i) / TRUTH_RATE_HZ;
-        let nav = simulation.truth_at(t0.plus(t)).nav;
-        let (p, v, e) = (
-            nav.position,
-            nav.velocity_n,
-            Euler::from_quaternion(&nav.q_nb),
-        );
-        let _ = writeln!(
-            text,
-            "{t:.3},{:.11},{:.11},{:.5},{:.6},{:.6},{:.6},{:.7},{:.7},{:.7}",
-            p.latitude_deg(),
-            p.longitude_deg(),
-            p.height,
-            v.x,
-            v.y,
-            v.z,
-            e.roll.to_degrees(),
-            e.pitch.to_degrees(),
-            e.heading_deg()
-        );
-    }
-    text
+/// Bytes of the files in a folder.
+fn size_of(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .filter_map(|e| e.metadata().ok())
+        .filter(std::fs::Metadata::is_file)
+        .map(|m| m.len())
+        .sum()
 }
 
 /// Written under another name first, so that a file is whole or not there.

@@ -4,6 +4,7 @@ use super::log_flags::LogFlags;
 use super::settings_flags::SettingsFlags;
 use crate::failure::{Failure, WARNED};
 use crate::output::Output;
+use crate::progress::Watched;
 use crate::text;
 use clap::Args;
 use insnav_core::time::Time;
@@ -111,13 +112,14 @@ impl Info {
             .t0()?
             .or(log.time_range().map(|(first, _)| first))
             .unwrap_or_default();
-        let (run, problem, warnings) = match Plan::make(&log, &config, &RunOptions::default()) {
-            Ok(plan) => (Some(preview(&plan)), None, plan.warnings),
-            Err(error) => {
-                let recovered = log.recovery_warning().into_iter().collect();
-                (None, Some(Failure::from(error)), recovered)
-            }
-        };
+        let (run, problem, warnings) =
+            match Plan::make(&Watched::new(&log), &config, &RunOptions::default()) {
+                Ok(plan) => (Some(preview(&plan)), None, plan.warnings),
+                Err(error) => {
+                    let recovered = log.recovery_warning().into_iter().collect();
+                    (None, Some(Failure::from(error)), recovered)
+                }
+            };
         let (profile, library) = log.written_by();
         let range = log.time_range();
         let report = LogReport {

@@ -9,6 +9,7 @@ mod log_flags;
 mod run;
 mod run_inputs;
 mod settings_flags;
+mod simulate;
 
 pub(crate) use compare::Compare;
 pub(crate) use completions::{Completions, Man};
@@ -16,3 +17,4 @@ pub(crate) use convert::Convert;
 pub(crate) use demo::{Demo, DemoReport};
 pub(crate) use info::{Info, LogReport, RunPreview, TopicReport};
 pub(crate) use run::{Outcome, Run};
+pub(crate) use simulate::{Simulate, Simulated};

@@ -1,7 +1,7 @@
 //! `insnav run`: the main job.
 
 use super::log_flags::LogFlags;
-use super::run_inputs::{Job, job_list};
+use super::run_inputs::{Job, job_list, not_the_input};
 use super::settings_flags::{SetBy, SettingsFlags};
 use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
@@ -391,21 +391,6 @@ fn sink(plan: &Plan, log: &Log, job: &Job, force: bool) -> Result<McapSink, Fail
     metadata.insert("input".into(), job.input.display().to_string());
     metadata.insert("input_crc32".into(), format!("{:08x}", log.crc32()));
     Ok(McapSink::create(&job.output, options)?)
-}
-
-/// No output takes the place of the recording.
-fn not_the_input(input: &Path, output: &Path) -> Result<(), Failure> {
-    match (input.canonicalize(), output.canonicalize()) {
-        (Ok(a), Ok(b)) if a == b => Err(Failure::new(
-            "output_is_input",
-            format!(
-                "{}: the output would take the place of the log",
-                output.display()
-            ),
-            "name another output with `-o`",
-        )),
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -81,6 +81,21 @@ fn output_of(log: &Path, output: Option<&Path>, several: bool) -> Result<PathBuf
     }
 }
 
+/// No output takes the place of what it is made of.
+pub(super) fn not_the_input(input: &Path, output: &Path) -> Result<(), Failure> {
+    match (input.canonicalize(), output.canonicalize()) {
+        (Ok(a), Ok(b)) if a == b => Err(Failure::new(
+            "output_is_input",
+            format!(
+                "{}: the output would take the place of the input",
+                output.display()
+            ),
+            "name another output with `-o`",
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// The MCAP files of a folder by name, without solutions.
 fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let entries = std::fs::read_dir(folder).map_err(|e| {

@@ -88,11 +88,14 @@ pub(crate) fn demo_report(d: &DemoReport) -> String {
     add(
         "files",
         format!(
-            "{}  the log\n{}  its settings\n{}  the truth\n{}  the solution, for Foxglove, RViz, rerun, PlotJuggler, evo",
+            "{}  the log\n{}  its settings\n{}  the truth\n{}  the solution, for Foxglove, RViz, rerun, PlotJuggler, evo\n\
+             {:.0} MB together; to remove them: rm -r {}",
             d.log.display(),
             d.config.display(),
             d.truth.display(),
-            d.run.output.display()
+            d.run.output.display(),
+            d.bytes as f64 / 1e6,
+            d.dir.display()
         ),
     );
     add(

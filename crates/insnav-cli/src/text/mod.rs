@@ -4,11 +4,13 @@ mod comparison;
 mod demo_report;
 mod log_report;
 mod run_summary;
+mod simulated;
 
 pub(crate) use comparison::{comparison, table};
 pub(crate) use demo_report::demo_report;
 pub(crate) use log_report::log_report;
 pub(crate) use run_summary::run_summary;
+pub(crate) use simulated::simulated;
 
 /// `label` in a column, then the text; further lines of the text are indented to it.
 fn entry(label: &str, text: &str) -> String {

@@ -11,4 +11,5 @@ mod parts;
 mod real_data;
 mod run;
 mod several;
+mod simulate;
 mod streams;

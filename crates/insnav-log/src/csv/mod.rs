@@ -14,4 +14,4 @@ pub use tables::{
     read_truth, read_truth_quat,
 };
 pub(crate) use write::write as write_text;
-pub use write::{write_gnss, write_imu, write_solution};
+pub use write::{write_gnss, write_imu, write_solution, write_truth};

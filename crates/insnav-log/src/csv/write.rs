@@ -7,6 +7,7 @@ use crate::solution::SolutionTable;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use insnav_core::attitude::Euler;
+use insnav_core::mechanization::NavState;
 use insnav_core::time::Time;
 use std::io::{self, Write};
 use std::path::Path;
@@ -108,6 +109,38 @@ pub fn write_solution(
                 write!(out, ",{},{},{}", Cell(v.x), Cell(v.y), Cell(v.z))?;
             }
             writeln!(out)?;
+        }
+        Ok(())
+    })
+}
+
+/// Write what really was in the form of a `truth.csv` (gzip if the name ends in `.gz`): seconds, position, velocity, attitude.
+pub fn write_truth(
+    path: &Path,
+    rows: impl Iterator<Item = (f64, NavState)>,
+    force: bool,
+) -> Result<(), LogError> {
+    write(path, force, |out| {
+        writeln!(
+            out,
+            "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg"
+        )?;
+        for (t, nav) in rows {
+            let (p, v) = (nav.position, nav.velocity_n);
+            let e = Euler::from_quaternion(&nav.q_nb);
+            writeln!(
+                out,
+                "{t:.9},{:.11},{:.11},{:.5},{:.6},{:.6},{:.6},{:.7},{:.7},{:.7}",
+                p.latitude_deg(),
+                p.longitude_deg(),
+                p.height,
+                v.x,
+                v.y,
+                v.z,
+                e.roll.to_degrees(),
+                e.pitch.to_degrees(),
+                e.heading_deg()
+            )?;
         }
         Ok(())
     })
