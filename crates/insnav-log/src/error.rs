@@ -1,7 +1,7 @@
 //! The one error type of logs and files: every variant names the file, and where there is one the topic and the instant.
 
-use crate::cdr::CdrError;
 use crate::topics::Role;
+use crate::wire::DecodeError;
 use insnav_core::time::Time;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -111,7 +111,7 @@ pub enum LogError {
         topics: Vec<String>,
     },
     /// A topic that was asked for has a type that cannot serve.
-    #[error("{}: topic {topic:?} is {schema:?} in encoding {encoding:?} and cannot be the {role}", path.display())]
+    #[error("{}: topic {topic:?} is {schema:?} in encoding {encoding:?} and cannot be the {role}{}", path.display(), because(problem))]
     WrongType {
         /// The path as given.
         path: PathBuf,
@@ -123,6 +123,16 @@ pub enum LogError {
         schema: String,
         /// Its encoding.
         encoding: String,
+        /// Why its messages cannot be read, where they could serve.
+        problem: Option<String>,
+    },
+    /// A topic whose messages cannot be read at all.
+    #[error("{}: the messages of {topic} cannot be read", path.display())]
+    NotUnderstood {
+        /// The path as given.
+        path: PathBuf,
+        /// The topic, with type and encoding.
+        topic: String,
     },
     /// A message whose bytes are not what its type says.
     #[error("{}: {topic} at {time} (log time): not a valid {schema}: {source}", path.display())]
@@ -136,7 +146,7 @@ pub enum LogError {
         /// Type of the message.
         schema: String,
         /// What is wrong with the bytes.
-        source: CdrError,
+        source: DecodeError,
     },
     /// Inertial stamps that go backward by more than the reorder window.
     #[error("{}: {topic}: stamp {time} comes after {previous} in the log, beyond the reorder window of {window_s} s", path.display())]
@@ -229,6 +239,12 @@ pub enum LogError {
     },
 }
 
+fn because(problem: &Option<String>) -> String {
+    problem
+        .as_ref()
+        .map_or_else(String::new, |problem| format!(": {problem}"))
+}
+
 fn list(topics: &[String]) -> String {
     if topics.is_empty() {
         "no topics".to_owned()
@@ -259,6 +275,7 @@ impl LogError {
             LogError::AmbiguousTopic { .. } => "ambiguous_topic",
             LogError::UnknownTopic { .. } => "unknown_topic",
             LogError::WrongType { .. } => "wrong_type",
+            LogError::NotUnderstood { .. } => "not_understood",
             LogError::Decode { .. } => "bad_message",
             LogError::StampBackward { .. } => "backward_stamps",
             LogError::OutputExists { .. } => "output_exists",
@@ -299,8 +316,10 @@ impl LogError {
             }
             LogError::UnknownTopic { .. } => "take one of the names listed, with its leading slash".into(),
             LogError::WrongType { role, .. } => {
-                format!("this role needs {} in encoding cdr", role.schemas().join(" or "))
+                let kinds: Vec<_> = role.kinds().iter().map(ToString::to_string).collect();
+                format!("this role needs {}, in CDR, ROS 1 or JSON", kinds.join(" or "))
             }
+            LogError::NotUnderstood { .. } => "choose another topic, or record it with its definition (ros2msg)".into(),
             LogError::Decode { .. } => "check that the recorder's message definitions match the publisher's".into(),
             LogError::StampBackward { .. } => {
                 "if the sensor's clock jumped, use the recorder's clock with `--time log`".into()

@@ -1,9 +1,10 @@
 //! Logs in, solutions out.
 //!
-//! [`Log`] opens an MCAP file of ROS 2 messages, finds its topics and gives [`Samples`] in time order;
+//! [`Log`] opens an MCAP file of ROS 2, ROS 1, JSON or protobuf messages, finds its topics and gives [`Samples`] in time order;
 //! [`McapSink`] takes what the navigator produces and writes a file that the common viewers open.
 //!
-//! In the order data flows: [`topics`] decides which topic is the IMU, [`ros2`] decodes messages with [`cdr`], [`Samples`]
+//! In the order data flows: [`topics`] decides which topic is the IMU, [`ros2`] describes messages,
+//! [`wire`] (with [`cdr`] for ROS 2) reads them by that description, [`Samples`]
 //! turns them into SI and forward-right-down, [`McapSink`] writes the solution, [`SolutionTable`] reads it back.
 //! [`Plan`] is the main job from a log to a solution, whoever asks for it.
 //! [`csv`] and [`tum`] read and write text tables, [`convert`] goes between them and MCAP.
@@ -12,14 +13,17 @@ pub mod cdr;
 mod compared;
 mod config_file;
 mod container;
+mod content;
 pub mod convert;
 pub mod csv;
+mod device;
 mod error;
 mod frames;
 mod imu_units;
 mod log;
 mod log_writer;
 mod mcap_writer;
+mod message;
 mod output_file;
 mod problem;
 mod reorder;
@@ -34,6 +38,7 @@ pub mod topics;
 mod transforms;
 pub mod tum;
 mod velocity_axes;
+pub mod wire;
 
 pub use compared::{ComparedReference, ComparedSolution};
 pub use config_file::{ConfigError, config_text, load_config, parse_config};
@@ -43,6 +48,7 @@ pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
+pub use message::MessageKind;
 pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs};
 pub use problem::Problem;
 pub use run::{

@@ -1,20 +1,22 @@
-//! A log: an MCAP file with ROS 2 messages, opened for reading.
+//! A log: an MCAP file, opened for reading.
 
-use crate::cdr::CdrError;
 use crate::container::{
     Checksums, Contents, McapRecord, Message, Messages, Recovery, Source, each_record,
 };
+use crate::content::{Body, Format, MessageReader, Stamp};
 use crate::error::LogError;
 use crate::imu_units::ImuUnits;
-use crate::ros2::{Decode, Header, NavSatFix};
+use crate::message::MessageKind;
 use crate::samples::{Samples, gnss_position};
 use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
 use crate::velocity_axes::VelocityAxes;
+use crate::wire::DecodeError;
 use insnav_core::config::Config;
 use insnav_core::sample::GnssPosition;
 use insnav_core::time::Time;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Axes of the IMU's messages, before any mounting rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -109,8 +111,12 @@ pub struct Log {
     source: Source,
     contents: Contents,
     topics: Vec<TopicInfo>,
+    /// How to read each of them.
+    formats: Vec<Option<Format>>,
     selection: Selection,
     options: ReadOptions,
+    /// What is added to the own clocks of sensors, ns, by topic.
+    clock_shifts: OnceLock<BTreeMap<usize, i64>>,
 }
 
 impl Log {
@@ -134,15 +140,17 @@ impl Log {
         } else {
             Contents::read(bytes, path, limit)?
         };
-        let topics = list_topics(&contents);
+        let (topics, formats) = list_topics(&contents, bytes, path)?;
         let selection = Selection::find(&topics, &options.topics, path)?;
         Ok(Log {
             path: path.into(),
             source,
             contents,
             topics,
+            formats,
             selection,
             options,
+            clock_shifts: OnceLock::new(),
         })
     }
 
@@ -275,12 +283,19 @@ impl Log {
             return Ok(None);
         };
         let mut messages = self.messages(&[topic]);
+        let mut reader = self.reader(topic)?;
         while let Some(message) = messages.next() {
             let message = message?;
-            let fix = NavSatFix::decode(message.data)
+            let content = reader
+                .content(message.data)
                 .map_err(|e| self.undecodable(topic, &message, e))?;
-            let time = self.choose_stamp(fix.header.stamp, &message);
-            if let Ok(fix) = gnss_position(&fix, time, self.options.geoid_height_m) {
+            let time = self.choose_stamp(content.stamp, topic, &message)?;
+            if let Body::Gnss {
+                position: Some(fix),
+                ..
+            } = &content.body
+                && let Ok(fix) = gnss_position(fix, time, self.options.geoid_height_m)
+            {
                 return Ok(Some(fix));
             }
         }
@@ -319,83 +334,213 @@ impl Log {
         Ok(())
     }
 
-    /// Whether messages of a topic begin with a `std_msgs/Header`: by their definition, or by their name where the definition
-    /// is in another language (`ros2idl`).
-    pub(crate) fn is_stamped(&self, topic: usize) -> bool {
-        let topic = &self.topics[topic];
-        topic.encoding == "cdr"
-            && topic.channels.iter().all(|id| {
-                let schema = self
-                    .contents
-                    .channels
-                    .get(id)
-                    .and_then(|c| self.contents.schemas.get(&c.schema));
-                schema.is_some_and(|schema| {
-                    let known = Role::ALL.iter().filter(|role| **role != Role::Tf);
-                    schema.stamped || known.flat_map(|r| r.schemas()).any(|s| *s == schema.name)
-                })
-            })
+    /// A reader of a topic's messages.
+    pub(crate) fn reader(&self, topic: usize) -> Result<MessageReader, LogError> {
+        match (self.topics[topic].kind, &self.formats[topic]) {
+            (Some(kind), Some(format)) => Ok(MessageReader::new(kind, format.clone())),
+            _ => Err(LogError::NotUnderstood {
+                path: self.path.clone(),
+                topic: self.topics[topic].to_string(),
+            }),
+        }
     }
 
     fn stamp(&self, topic: usize, message: &Message<'_>) -> Result<Time, LogError> {
-        let header =
-            Header::decode(message.data).map_err(|e| self.undecodable(topic, message, e))?;
-        Ok(self.choose_stamp(header.stamp, message))
+        let mut reader = self.reader(topic)?;
+        let content = reader
+            .content(message.data)
+            .map_err(|e| self.undecodable(topic, message, e))?;
+        self.choose_stamp(content.stamp, topic, message)
     }
 
-    /// The stamp that counts. A header stamp of zero is one that the driver never set.
+    /// The stamp that counts. A stamp of zero is one that the driver never set.
     #[inline]
-    pub(crate) fn choose_stamp(&self, header: Time, message: &Message<'_>) -> Time {
-        match self.options.time_source {
-            TimeSource::Header if header.0 != 0 => header,
-            TimeSource::Header | TimeSource::Log => message.log_time,
-            TimeSource::Publish => message.publish_time,
+    pub(crate) fn choose_stamp(
+        &self,
+        stamp: Stamp,
+        topic: usize,
+        message: &Message<'_>,
+    ) -> Result<Time, LogError> {
+        Ok(match (self.options.time_source, stamp) {
+            (TimeSource::Header, Stamp::Host(time)) if time.0 != 0 => time,
+            (TimeSource::Header, Stamp::Own(time)) => {
+                Time(time.0.saturating_add(self.clock_shift(topic)?))
+            }
+            (TimeSource::Header | TimeSource::Log, _) => message.log_time,
+            (TimeSource::Publish, _) => message.publish_time,
+        })
+    }
+
+    /// What is added to stamps on a topic's own clock (a sensor's power-on, a receiver's UTC), ns.
+    ///
+    /// Such clocks are put onto the recorder's by one constant: the least difference between log time and stamp, which is that
+    /// of the message with the least delay. A difference of less than half a second is taken for the delay itself, and the
+    /// stamps stay as they are. The topics of an autopilot share its clock, and the constant. Drift between the clocks stays.
+    pub(crate) fn clock_shift(&self, topic: usize) -> Result<i64, LogError> {
+        if self.clock_shifts.get().is_none() {
+            let shifts = self.find_clock_shifts()?;
+            // Whoever was first: the values are the same.
+            let _ = self.clock_shifts.set(shifts);
         }
+        let shifts = self.clock_shifts.get();
+        Ok(shifts
+            .and_then(|shifts| shifts.get(&topic))
+            .copied()
+            .unwrap_or(0))
+    }
+
+    fn find_clock_shifts(&self) -> Result<BTreeMap<usize, i64>, LogError> {
+        /// Enough for a message without a queue before it.
+        const LOOKED_AT: usize = 2000;
+        const DELAY_NS: i64 = 500_000_000;
+        let mut least: BTreeMap<usize, i64> = BTreeMap::new();
+        let clock_of = |topic: usize| match self.topics[topic].kind {
+            // One clock for all: that of the first of them.
+            Some(MessageKind::SensorCombined | MessageKind::SensorGps) => self
+                .topics
+                .iter()
+                .position(|t| {
+                    matches!(
+                        t.kind,
+                        Some(MessageKind::SensorCombined | MessageKind::SensorGps)
+                    )
+                })
+                .unwrap_or(topic),
+            _ => topic,
+        };
+        let has_own_clock = |topic: &usize| {
+            matches!(
+                self.topics[*topic].kind,
+                Some(
+                    MessageKind::SensorCombined
+                        | MessageKind::SensorGps
+                        | MessageKind::NavPvt
+                        | MessageKind::Mapped
+                )
+            ) && self.formats[*topic].is_some()
+        };
+        let topics: Vec<usize> = (0..self.topics.len()).filter(has_own_clock).collect();
+        for &topic in &topics {
+            let mut reader = self.reader(topic)?;
+            let mut messages = self.messages(&[topic]);
+            for _ in 0..LOOKED_AT {
+                let Some(message) = messages.next() else {
+                    break;
+                };
+                let message = message?;
+                // What cannot be read is told where it is used.
+                if let Ok(content) = reader.content(message.data)
+                    && let Stamp::Own(stamp) = content.stamp
+                {
+                    let difference = message.log_time.0.saturating_sub(stamp.0);
+                    let least = least.entry(clock_of(topic)).or_insert(difference);
+                    *least = (*least).min(difference);
+                }
+            }
+        }
+        Ok(topics
+            .into_iter()
+            .filter_map(|topic| Some((topic, *least.get(&clock_of(topic))?)))
+            .filter(|(_, shift)| shift.abs() >= DELAY_NS)
+            .collect())
     }
 
     pub(crate) fn undecodable(
         &self,
         topic: usize,
         message: &Message<'_>,
-        source: CdrError,
+        source: DecodeError,
     ) -> LogError {
         let topic = &self.topics[topic];
         LogError::Decode {
             path: self.path.clone(),
             topic: topic.name.clone(),
             time: message.log_time,
-            schema: topic.schema.clone(),
+            schema: match topic.kind {
+                Some(kind) => kind.to_string(),
+                None => topic.schema.clone(),
+            },
             source,
         }
     }
 }
 
-/// Topics by name. Channels of one topic and type count as one topic; a topic with two types is listed twice.
-fn list_topics(contents: &Contents) -> Vec<TopicInfo> {
-    let mut topics: BTreeMap<(&str, &str, &str), TopicInfo> = BTreeMap::new();
+/// Topics by name, and how to read them. Channels of one topic and type count as one topic; a topic with two types is
+/// listed twice.
+fn list_topics(
+    contents: &Contents,
+    bytes: &[u8],
+    path: &Path,
+) -> Result<(Vec<TopicInfo>, Vec<Option<Format>>), LogError> {
+    let mut topics: BTreeMap<(&str, &str, &str), (TopicInfo, &[u8], bool)> = BTreeMap::new();
     let range = contents.time_range();
     for (id, channel) in &contents.channels {
         let schema = contents.schemas.get(&channel.schema);
         let name = schema.map_or("", |s| s.name.as_str());
-        let topic = topics
+        let (topic, ..) = topics
             .entry((&channel.topic, name, &channel.encoding))
-            .or_insert_with(|| TopicInfo {
-                name: channel.topic.clone(),
-                schema: name.to_owned(),
-                schema_encoding: schema.map_or_else(String::new, |s| s.encoding.clone()),
-                encoding: channel.encoding.clone(),
-                count: 0,
-                rate_hz: None,
-                channels: Vec::new(),
+            .or_insert_with(|| {
+                let topic = TopicInfo {
+                    name: channel.topic.clone(),
+                    schema: name.to_owned(),
+                    schema_encoding: schema.map_or_else(String::new, |s| s.encoding.clone()),
+                    encoding: channel.encoding.clone(),
+                    kind: MessageKind::of_schema(name),
+                    problem: None,
+                    count: 0,
+                    rate_hz: None,
+                    channels: Vec::new(),
+                };
+                let definition = schema.map_or(&[][..], |s| &s.text);
+                (topic, definition, schema.is_some_and(|s| s.stamped))
             });
         topic.count += contents.counts.get(id).copied().unwrap_or(0);
         topic.channels.push(*id);
     }
-    let mut topics: Vec<TopicInfo> = topics.into_values().collect();
-    if let Some((first, last)) = range {
-        for topic in &mut topics {
+    let mut formats = Vec::new();
+    let mut list = Vec::new();
+    for (mut topic, definition, stamped) in topics.into_values() {
+        if topic.kind.is_none() && topic.encoding == "json" && topic.count > 0 {
+            topic.kind = kind_by_first_message(&topic, contents, bytes, path)?;
+        }
+        if topic.kind.is_none() && stamped && matches!(topic.encoding.as_str(), "cdr" | "ros1") {
+            topic.kind = Some(MessageKind::Stamped);
+        }
+        let format = topic
+            .kind
+            .and_then(|kind| Format::of(kind, &topic.encoding, &topic.schema_encoding, definition));
+        let format = match format {
+            Some(Ok(format)) => Some(format),
+            Some(Err(error)) => {
+                topic.problem = Some(error.to_string());
+                None
+            }
+            None => {
+                topic.kind = None;
+                None
+            }
+        };
+        if let Some((first, last)) = range {
             topic.rate_hz = mean_rate(topic.count, Time(first as i64), Time(last as i64));
         }
+        formats.push(format);
+        list.push(topic);
     }
-    topics
+    Ok((list, formats))
+}
+
+/// What the messages of a topic in JSON are, whose type's name says nothing: by the fields of the first one.
+fn kind_by_first_message(
+    topic: &TopicInfo,
+    contents: &Contents,
+    bytes: &[u8],
+    path: &Path,
+) -> Result<Option<MessageKind>, LogError> {
+    let mut messages = Messages::new(bytes, path, contents, &topic.channels);
+    let Some(message) = messages.next() else {
+        return Ok(None);
+    };
+    let mut reader = MessageReader::new(MessageKind::Mapped, Format::Json);
+    let fields = reader.fields(message?.data);
+    Ok(fields.ok().and_then(|f| MessageKind::of_fields(&f)))
 }

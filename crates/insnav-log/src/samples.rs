@@ -1,16 +1,15 @@
 //! Messages become samples: SI, radians, NED and forward-right-down, in order of their stamps.
 
 use crate::container::Messages;
+use crate::content::{Axes, Body, Fix, MessageReader, Stamp, Velocity};
 use crate::error::LogError;
 use crate::frames::{ENU_NED, FLU_FRD};
+use crate::imu_units::ImuUnits;
 use crate::log::{ImuAxes, Log, TimeSource};
 use crate::reorder::{Reorder, Waiting};
-use crate::ros2::{
-    CovarianceType, Decode, Imu, NavSatFix, TwistStamped, TwistWithCovarianceStamped,
-};
 use crate::topics::Role;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
+use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, Sample};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -26,6 +25,8 @@ pub struct SampleCounts {
     pub gnss_position: u64,
     /// GNSS velocities passed on.
     pub gnss_velocity: u64,
+    /// Headings passed on.
+    pub heading: u64,
     /// Positions dropped: the receiver says that it has no fix.
     pub dropped_no_fix: u64,
     /// Positions dropped: NaN, infinite, or not on the Earth.
@@ -34,6 +35,8 @@ pub struct SampleCounts {
     pub dropped_zero_position: u64,
     /// Velocities dropped: NaN or infinite horizontally.
     pub dropped_velocity_not_finite: u64,
+    /// Velocities dropped: the receiver says that it has no fix.
+    pub dropped_velocity_no_fix: u64,
     /// Aiding samples dropped: later than the reorder window allows.
     pub dropped_late: u64,
     /// Messages without a stamp of their own, for which the log time was taken.
@@ -63,10 +66,11 @@ pub struct ReaderState {
 pub struct Samples<'a> {
     log: &'a Log,
     messages: Messages<'a>,
-    /// By channel: what the topic is for, and its index.
-    decoders: Vec<Option<(Decoder, usize)>>,
-    /// Turns vectors of IMU messages into body axes.
-    to_body: Matrix3<f64>,
+    inputs: Vec<Input>,
+    /// By channel: index of its input.
+    by_channel: Vec<Option<usize>>,
+    /// Turns vectors of IMU messages into body axes, by the axes that a message states ([`Axes`]).
+    to_body: [Matrix3<f64>; 3],
     reorder: Reorder<Sample>,
     last_imu: Option<Time>,
     last: Option<Time>,
@@ -77,43 +81,60 @@ pub struct Samples<'a> {
     failed: bool,
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Decoder {
-    Imu,
-    NavSatFix,
-    Twist,
-    TwistWithCovariance,
+/// A topic that is read: its messages, and what of them is wanted.
+struct Input {
+    topic: usize,
+    reader: MessageReader,
+    roles: [bool; Role::ALL.len()],
 }
 
 impl<'a> Samples<'a> {
     pub(crate) fn new(log: &'a Log) -> Result<Self, LogError> {
-        let mut topics = Vec::new();
-        let mut decoders = Vec::new();
-        for role in [Role::Imu, Role::GnssPosition, Role::GnssVelocity] {
-            let Some(topic) = log.optional(role)? else {
+        let mut inputs: Vec<Input> = Vec::new();
+        let mut by_channel = Vec::new();
+        for role in [
+            Role::Imu,
+            Role::GnssPosition,
+            Role::GnssVelocity,
+            Role::Heading,
+        ] {
+            let Some(info) = log.optional(role)? else {
                 continue;
             };
-            let decoder = match (role, topic.schema.as_str()) {
-                (Role::Imu, _) => Decoder::Imu,
-                (Role::GnssPosition, _) => Decoder::NavSatFix,
-                (_, "geometry_msgs/msg/TwistStamped") => Decoder::Twist,
-                _ => Decoder::TwistWithCovariance,
-            };
-            let index = log.selected().topic(role).unwrap_or_default();
-            for id in &topic.channels {
-                let id = usize::from(*id);
-                if decoders.len() <= id {
-                    decoders.resize(id + 1, None);
-                }
-                decoders[id] = Some((decoder, index));
+            let topic = log.selected().topic(role).unwrap_or_default();
+            // A receiver's message may hold position and velocity.
+            if let Some(input) = inputs.iter_mut().find(|input| input.topic == topic) {
+                input.roles[role as usize] = true;
+                continue;
             }
-            topics.push(index);
+            for id in &info.channels {
+                let id = usize::from(*id);
+                if by_channel.len() <= id {
+                    by_channel.resize(id + 1, None);
+                }
+                by_channel[id] = Some(inputs.len());
+            }
+            inputs.push(Input {
+                topic,
+                reader: log.reader(topic)?,
+                roles: Role::ALL.map(|other| other == role),
+            });
         }
+        let topics: Vec<usize> = inputs.iter().map(|input| input.topic).collect();
+        let turn = |axes| {
+            let to_body = imu_to_body(log.options().imu_axes, log.options().imu_mounting_rpy_deg);
+            match (axes, log.options().imu_axes) {
+                // The mounting is given in the axes that the options name.
+                (Axes::Flu, ImuAxes::Frd) | (Axes::Frd, ImuAxes::Flu) => to_body * FLU_FRD,
+                _ => to_body,
+            }
+        };
         Ok(Samples {
             log,
             messages: log.messages(&topics),
-            decoders,
-            to_body: imu_to_body(log.options().imu_axes, log.options().imu_mounting_rpy_deg),
+            inputs,
+            by_channel,
+            to_body: [turn(Axes::AsRead), turn(Axes::Flu), turn(Axes::Frd)],
             reorder: Reorder::new(log.options().reorder_window_s),
             last_imu: None,
             last: None,
@@ -160,68 +181,74 @@ impl<'a> Samples<'a> {
             return Ok(false);
         };
         let message = message?;
-        let Some(Some((decoder, topic))) = self.decoders.get(usize::from(message.channel)).copied()
-        else {
+        let Some(Some(index)) = self.by_channel.get(usize::from(message.channel)).copied() else {
             return Ok(true);
         };
-        let undecodable = |source| self.log.undecodable(topic, &message, source);
+        let input = &mut self.inputs[index];
+        let topic = input.topic;
+        let roles = input.roles;
+        let plays = |role: Role| roles[role as usize];
+        let content = input
+            .reader
+            .content(message.data)
+            .map_err(|source| self.log.undecodable(topic, &message, source))?;
         let options = self.log.options();
-        let (stamp, sample) = match decoder {
-            Decoder::Imu => {
-                let imu = Imu::decode(message.data).map_err(undecodable)?;
-                let time = self.log.choose_stamp(imu.header.stamp, &message);
-                let sum = imu.angular_velocity.sum() + imu.linear_acceleration.sum();
-                self.counts.imu_not_finite += u64::from(!sum.is_finite());
-                let sample = options.imu_units.sample(
-                    time,
-                    &self.to_body,
-                    &imu.angular_velocity,
-                    &imu.linear_acceleration,
-                );
-                (imu.header.stamp, Some(sample))
+        let counts = &mut self.counts;
+        let time = self.log.choose_stamp(content.stamp, topic, &message)?;
+        counts.unstamped += u64::from(
+            content.stamp == Stamp::Host(Time(0)) && options.time_source == TimeSource::Header,
+        );
+        let log_time = message.log_time;
+        match &content.body {
+            Body::Rates(rates) => {
+                let sum = rates.angular_rate.sum() + rates.specific_force.sum();
+                counts.imu_not_finite += u64::from(!sum.is_finite());
+                // Other messages than the common one state their units.
+                let units = match rates.axes {
+                    Axes::AsRead => options.imu_units,
+                    _ => ImuUnits::default(),
+                };
+                let to_body = &self.to_body[rates.axes as usize];
+                let sample =
+                    units.sample(time, to_body, &rates.angular_rate, &rates.specific_force);
+                self.reorder.push(time, log_time, sample);
             }
-            Decoder::NavSatFix => {
-                let fix = NavSatFix::decode(message.data).map_err(undecodable)?;
-                let time = self.log.choose_stamp(fix.header.stamp, &message);
-                let sample = match gnss_position(&fix, time, options.geoid_height_m) {
-                    Ok(position) => Some(Sample::GnssPosition(position)),
-                    Err(reason) => {
-                        match reason {
-                            Unusable::NoFix => self.counts.dropped_no_fix += 1,
-                            Unusable::NotFinite => self.counts.dropped_not_finite += 1,
-                            Unusable::ZeroPosition => self.counts.dropped_zero_position += 1,
+            Body::Gnss { position, velocity } => {
+                if let Some(fix) = position
+                    && plays(Role::GnssPosition)
+                {
+                    match gnss_position(fix, time, options.geoid_height_m) {
+                        Ok(position) => {
+                            let sample = Sample::GnssPosition(position);
+                            self.reorder.push(time, log_time, sample);
                         }
-                        None
+                        Err(Unusable::NoFix) => counts.dropped_no_fix += 1,
+                        Err(Unusable::NotFinite) => counts.dropped_not_finite += 1,
+                        Err(Unusable::ZeroPosition) => counts.dropped_zero_position += 1,
                     }
-                };
-                (fix.header.stamp, sample)
+                }
+                if let Some(velocity) = velocity
+                    && plays(Role::GnssVelocity)
+                {
+                    match gnss_velocity(time, &velocity.read_with(options.gnss_velocity_axes)) {
+                        _ if velocity.no_fix => counts.dropped_velocity_no_fix += 1,
+                        Some(velocity) => {
+                            let sample = Sample::GnssVelocity(velocity);
+                            self.reorder.push(time, log_time, sample);
+                        }
+                        None => counts.dropped_velocity_not_finite += 1,
+                    }
+                }
             }
-            Decoder::Twist | Decoder::TwistWithCovariance => {
-                let (header, linear, covariance) = if let Decoder::Twist = decoder {
-                    let twist = TwistStamped::decode(message.data).map_err(undecodable)?;
-                    (twist.header, twist.twist.linear, None)
-                } else {
-                    let twist =
-                        TwistWithCovarianceStamped::decode(message.data).map_err(undecodable)?;
-                    (
-                        twist.header,
-                        twist.twist.linear,
-                        covariance_block(&twist.covariance),
-                    )
+            Body::Heading(Some(fix)) if fix.heading.is_finite() && fix.sigma > 0.0 => {
+                let heading = Heading {
+                    time,
+                    heading: fix.heading,
+                    sigma: fix.sigma,
                 };
-                let time = self.log.choose_stamp(header.stamp, &message);
-                let axes = options.gnss_velocity_axes;
-                let linear = axes.to_enu(&linear);
-                let covariance = covariance.map(|p| axes.covariance_to_enu(&p));
-                let sample = gnss_velocity(time, &linear, covariance);
-                self.counts.dropped_velocity_not_finite += u64::from(sample.is_none());
-                (header.stamp, sample.map(Sample::GnssVelocity))
+                self.reorder.push(time, log_time, Sample::Heading(heading));
             }
-        };
-        self.counts.unstamped +=
-            u64::from(stamp.0 == 0 && options.time_source == TimeSource::Header);
-        if let Some(sample) = sample {
-            self.reorder.push(sample.time(), message.log_time, sample);
+            Body::Heading(_) | Body::Other => {}
         }
         Ok(true)
     }
@@ -248,6 +275,7 @@ impl<'a> Samples<'a> {
                 return Ok(None);
             }
             Sample::GnssPosition(_) => self.counts.gnss_position += 1,
+            Sample::Heading(_) => self.counts.heading += 1,
             _ => self.counts.gnss_velocity += 1,
         }
         self.last = self.last.max(Some(time));
@@ -296,18 +324,18 @@ pub fn imu_to_body(axes: ImuAxes, mounting_rpy_deg: Option<[f64; 3]>) -> Matrix3
 
 /// A GNSS position from its message: degrees to radians, covariance from ENU to NED.
 pub(crate) fn gnss_position(
-    fix: &NavSatFix<'_>,
+    fix: &Fix,
     time: Time,
     geoid_height_m: f64,
 ) -> Result<GnssPosition, Unusable> {
-    // −2, "not yet set" of later definitions, is the default of drivers that never set it: the numbers decide.
-    if fix.status == -1 {
+    if fix.no_fix {
         return Err(Unusable::NoFix);
     }
+    let geoid_height_m = if fix.ellipsoidal { 0.0 } else { geoid_height_m };
     let position = Geodetic::from_degrees(
         fix.latitude_deg,
         fix.longitude_deg,
-        fix.altitude_m + geoid_height_m,
+        fix.height_m + geoid_height_m,
     );
     if !position.is_valid() {
         return Err(Unusable::NotFinite);
@@ -315,10 +343,7 @@ pub(crate) fn gnss_position(
     if position.latitude == 0.0 && position.longitude == 0.0 {
         return Err(Unusable::ZeroPosition);
     }
-    let covariance_n = match fix.position_covariance_type {
-        CovarianceType::Unknown => None,
-        _ => known_covariance(&Matrix3::from_row_slice(&fix.position_covariance)),
-    };
+    let covariance_n = fix.covariance_enu.as_ref().and_then(known_covariance);
     Ok(GnssPosition {
         time,
         position,
@@ -330,11 +355,8 @@ pub(crate) fn gnss_position(
 ///
 /// A vertical velocity of exactly zero beside a horizontal one that is not, without a variance, is that of a receiver that
 /// measures horizontally only: it becomes NaN, "not measured", rather than a measured zero.
-fn gnss_velocity(
-    time: Time,
-    linear_enu: &Vector3<f64>,
-    covariance_enu: Option<Matrix3<f64>>,
-) -> Option<GnssVelocity> {
+fn gnss_velocity(time: Time, velocity: &Velocity) -> Option<GnssVelocity> {
+    let (linear_enu, covariance_enu) = (&velocity.enu, velocity.covariance_enu);
     let mut velocity_n = ENU_NED * Vector3::new(linear_enu.x, linear_enu.y, 0.0);
     if !(velocity_n.x.is_finite() && velocity_n.y.is_finite()) {
         return None;
@@ -367,11 +389,6 @@ fn gnss_velocity(
         velocity_n,
         covariance_n,
     })
-}
-
-/// The upper left block of a 6 × 6 covariance; `None` when its first element is −1, which in ROS says "not known".
-fn covariance_block(covariance: &[f64; 36]) -> Option<Matrix3<f64>> {
-    (covariance[0] >= 0.0).then(|| Matrix3::from_fn(|i, j| covariance[6 * i + j]))
 }
 
 /// A covariance from ENU to NED; `None` when it has no variance or one that cannot be (drivers write zeros for "unknown").

@@ -1,5 +1,6 @@
 //! A solution read back from its file, as columns.
 
+use crate::content::Fix;
 use crate::csv::{self, Table};
 use crate::error::LogError;
 use crate::frames::ENU_NED;
@@ -159,7 +160,7 @@ impl SolutionTable {
                     .map_err(|e| log.undecodable(withheld, &message, e))?;
                 table
                     .withheld
-                    .extend(gnss_position(&fix, fix.header.stamp, 0.0));
+                    .extend(gnss_position(&Fix::from(&fix), fix.header.stamp, 0.0));
             }
         }
         table.metadata = log.metadata(METADATA_NAME).cloned().unwrap_or_default();

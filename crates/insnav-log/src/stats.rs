@@ -1,10 +1,10 @@
 //! How regular the topics of a log are: rate, jitter, gaps, duplicates, backward steps, header stamp against log time.
 
-use crate::cdr::{CdrError, CdrReader};
+use crate::content::{Body, Content, MessageReader, Stamp};
 use crate::error::LogError;
 use crate::log::Log;
-use crate::ros2::{Decode, Header, Imu, NavSatFix, TwistStamped};
 use crate::samples::{Unusable, gnss_position};
+use crate::wire::DecodeError;
 use insnav_core::time::Time;
 
 /// An interval is a gap when it is longer than this many median intervals: beyond what jitter and one lost sample make.
@@ -64,23 +64,15 @@ pub struct Spread {
 
 #[derive(Default)]
 struct Collected {
-    stamped: bool,
-    content: Content,
+    reader: Option<MessageReader>,
+    /// What is added to stamps on the sensor's own clock, ns.
+    clock_shift: i64,
     times: Vec<i64>,
     offset_sum: f64,
     offset_min: f64,
     offset_max: f64,
     offsets: u64,
     statistics: TopicStatistics,
-}
-
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-enum Content {
-    Imu,
-    Fix,
-    Twist,
-    #[default]
-    Other,
 }
 
 impl Log {
@@ -97,16 +89,8 @@ impl Log {
                 by_channel[id] = index;
             }
             topics.push(Collected {
-                stamped: self.is_stamped(index),
-                content: match topic.schema.as_str() {
-                    _ if topic.encoding != "cdr" => Content::Other,
-                    "sensor_msgs/msg/Imu" => Content::Imu,
-                    "sensor_msgs/msg/NavSatFix" => Content::Fix,
-                    // Both begin alike: header, then the twist.
-                    "geometry_msgs/msg/TwistStamped"
-                    | "geometry_msgs/msg/TwistWithCovarianceStamped" => Content::Twist,
-                    _ => Content::Other,
-                },
+                reader: topic.kind.and_then(|_| self.reader(index).ok()),
+                clock_shift: self.clock_shift(index)?,
                 statistics: TopicStatistics {
                     topic: topic.name.clone(),
                     schema: topic.schema.clone(),
@@ -130,21 +114,25 @@ impl Log {
 }
 
 impl Collected {
-    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), CdrError> {
-        let stamp = match self.stamped {
-            true => CdrReader::new(data).and_then(|mut from| Header::read(&mut from)),
-            false => Ok(Header::default()),
-        };
-        let stamp = stamp.map(|header| header.stamp);
-        let time = match stamp {
-            Ok(stamp) if stamp.0 != 0 => stamp,
-            _ => log_time,
-        };
-        self.times.push(time.0);
-        if !self.stamped {
+    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), DecodeError> {
+        let Some(reader) = &mut self.reader else {
+            self.times.push(log_time.0);
             return Ok(());
-        }
-        if stamp?.0 == 0 {
+        };
+        let content = match reader.content(data) {
+            Ok(content) => content,
+            Err(error) => {
+                self.times.push(log_time.0);
+                return Err(error);
+            }
+        };
+        let stamp = match content.stamp {
+            Stamp::Host(time) => time.0,
+            Stamp::Own(time) => time.0.saturating_add(self.clock_shift),
+        };
+        let time = if stamp == 0 { log_time } else { Time(stamp) };
+        self.times.push(time.0);
+        if stamp == 0 {
             self.statistics.unstamped += 1;
         } else {
             let offset = time.since(log_time);
@@ -156,25 +144,7 @@ impl Collected {
             self.offset_sum += offset;
             self.offsets += 1;
         }
-        let statistics = &mut self.statistics;
-        match self.content {
-            Content::Other => {}
-            Content::Imu => {
-                let imu = Imu::decode(data)?;
-                let sum = imu.angular_velocity.sum() + imu.linear_acceleration.sum();
-                statistics.not_finite += u64::from(!sum.is_finite());
-            }
-            Content::Twist => {
-                let linear = TwistStamped::decode(data)?.twist.linear;
-                statistics.not_finite += u64::from(!(linear.x + linear.y).is_finite());
-            }
-            Content::Fix => match gnss_position(&NavSatFix::decode(data)?, time, 0.0) {
-                Ok(_) => {}
-                Err(Unusable::NoFix) => statistics.no_fix += 1,
-                Err(Unusable::NotFinite) => statistics.not_finite += 1,
-                Err(Unusable::ZeroPosition) => statistics.zero_position += 1,
-            },
-        }
+        self.statistics.add(&content, time);
         Ok(())
     }
 
@@ -226,6 +196,25 @@ impl Collected {
         statistics.interval_max_s = forward.last().map(|step| *step as f64 * 1e-9);
         statistics.jitter_s = Some(variance.sqrt());
         statistics
+    }
+}
+
+impl TopicStatistics {
+    /// Count what is wrong with a message's content.
+    fn add(&mut self, content: &Content<'_>, time: Time) {
+        self.not_finite += u64::from(!content.is_finite());
+        if let Body::Gnss {
+            position: Some(fix),
+            ..
+        } = &content.body
+        {
+            match gnss_position(fix, time, 0.0) {
+                Ok(_) => {}
+                Err(Unusable::NoFix) => self.no_fix += 1,
+                Err(Unusable::NotFinite) => self.not_finite += 1,
+                Err(Unusable::ZeroPosition) => self.zero_position += 1,
+            }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which topic plays which part.
 
 use crate::error::LogError;
+use crate::message::MessageKind;
 use insnav_core::time::Time;
 use std::fmt;
 use std::path::Path;
@@ -18,16 +19,20 @@ pub enum Role {
     WheelOdometry,
     /// Static transforms between frames: lever arm and mounting.
     Tf,
+    /// Heading of the body's forward axis, from two antennas. Taken only when it is named: where the antennas are, the
+    /// message does not say.
+    Heading,
 }
 
 impl Role {
     /// All of them.
-    pub const ALL: [Role; 5] = [
+    pub const ALL: [Role; 6] = [
         Role::Imu,
         Role::GnssPosition,
         Role::GnssVelocity,
         Role::WheelOdometry,
         Role::Tf,
+        Role::Heading,
     ];
 
     /// Name in `--topic NAME=/topic`.
@@ -38,6 +43,7 @@ impl Role {
             Role::GnssVelocity => "gnss-velocity",
             Role::WheelOdometry => "odometry",
             Role::Tf => "tf",
+            Role::Heading => "heading",
         }
     }
 
@@ -46,17 +52,27 @@ impl Role {
         Role::ALL.into_iter().find(|role| role.key() == key)
     }
 
-    /// Message types that can serve.
-    pub fn schemas(self) -> &'static [&'static str] {
+    /// Messages that can serve.
+    pub fn kinds(self) -> &'static [MessageKind] {
         match self {
-            Role::Imu => &["sensor_msgs/msg/Imu"],
-            Role::GnssPosition => &["sensor_msgs/msg/NavSatFix"],
-            Role::GnssVelocity => &[
-                "geometry_msgs/msg/TwistWithCovarianceStamped",
-                "geometry_msgs/msg/TwistStamped",
+            Role::Imu => &[MessageKind::Imu, MessageKind::SensorCombined],
+            Role::GnssPosition => &[
+                MessageKind::NavSatFix,
+                MessageKind::LocationFix,
+                MessageKind::GpsFix,
+                MessageKind::NavPvt,
+                MessageKind::SensorGps,
             ],
-            Role::WheelOdometry => &["nav_msgs/msg/Odometry"],
-            Role::Tf => &["tf2_msgs/msg/TFMessage"],
+            Role::GnssVelocity => &[
+                MessageKind::TwistWithCovarianceStamped,
+                MessageKind::TwistStamped,
+                MessageKind::GpsFix,
+                MessageKind::NavPvt,
+                MessageKind::SensorGps,
+            ],
+            Role::WheelOdometry => &[MessageKind::Odometry],
+            Role::Tf => &[MessageKind::Transforms],
+            Role::Heading => &[MessageKind::NavRelPosNed],
         }
     }
 
@@ -68,6 +84,7 @@ impl Role {
             && match self {
                 Role::GnssVelocity => !topic.contains("cmd"),
                 Role::Tf => topic.ends_with("tf_static"),
+                Role::Heading => false,
                 _ => true,
             }
     }
@@ -81,6 +98,7 @@ impl fmt::Display for Role {
             Role::GnssVelocity => "GNSS velocity",
             Role::WheelOdometry => "wheel odometry",
             Role::Tf => "static transform",
+            Role::Heading => "heading",
         })
     }
 }
@@ -96,6 +114,10 @@ pub struct TopicInfo {
     pub schema_encoding: String,
     /// How messages are encoded, such as `cdr`.
     pub encoding: String,
+    /// What its messages are, if they are understood.
+    pub kind: Option<MessageKind>,
+    /// Why they cannot be read although they are understood, if so.
+    pub problem: Option<String>,
     /// Number of messages.
     pub count: u64,
     /// Messages per second of log time over the whole log; `None` with fewer than two messages.
@@ -107,7 +129,7 @@ pub struct TopicInfo {
 impl TopicInfo {
     /// Whether its messages can be decoded for a role.
     pub fn serves(&self, role: Role) -> bool {
-        self.encoding == "cdr" && role.schemas().contains(&self.schema.as_str())
+        self.problem.is_none() && self.kind.is_some_and(|kind| role.kinds().contains(&kind))
     }
 }
 
@@ -118,10 +140,13 @@ impl fmt::Display for TopicInfo {
             "{} ({} in {}, {} messages",
             self.name, self.schema, self.encoding, self.count
         )?;
-        match self.rate_hz {
-            Some(rate) => write!(f, ", {rate:.1} Hz)"),
-            None => write!(f, ")"),
+        if let Some(rate) = self.rate_hz {
+            write!(f, ", {rate:.1} Hz")?;
         }
+        if let Some(problem) = &self.problem {
+            write!(f, "; {problem}")?;
+        }
+        f.write_str(")")
     }
 }
 
@@ -197,6 +222,7 @@ fn find_named(
             topic: name.into(),
             schema: topic.schema.clone(),
             encoding: topic.encoding.clone(),
+            problem: topic.problem.clone(),
         });
     }
     Ok(index)
@@ -208,6 +234,10 @@ fn choose(topics: &[TopicInfo], role: Role) -> Choice {
             topics[i].serves(role) && role.accepts_unnamed(&topics[i].name) && topics[i].count > 0
         })
         .collect();
+    // A driver's own message is taken only where there is none of the common ones, which it is often published beside.
+    let rank = |i: &usize| topics[*i].kind.map_or(u8::MAX, MessageKind::rank);
+    let best = candidates.iter().map(rank).min();
+    candidates.retain(|i| Some(rank(i)) == best);
     match candidates.len() {
         0 => Choice::None,
         1 => Choice::Topic(candidates.remove(0)),
@@ -231,6 +261,8 @@ mod tests {
             schema: schema.into(),
             schema_encoding: "ros2msg".into(),
             encoding: "cdr".into(),
+            kind: MessageKind::of_schema(schema),
+            problem: None,
             count: 10,
             rate_hz: None,
             channels: vec![1],
@@ -282,6 +314,27 @@ mod tests {
         assert_eq!(selection.topic(Role::GnssVelocity), Some(1));
         assert_eq!(selection.topic(Role::GnssPosition), None);
         assert_eq!(selection.topic(Role::Tf), None);
+    }
+
+    #[test]
+    fn a_common_message_goes_before_a_device_s_own() {
+        let topics = [
+            topic("/ublox/fix", "sensor_msgs/msg/NavSatFix"),
+            topic("/ublox/navpvt", "ublox_msgs/msg/NavPVT"),
+            topic("/ublox/navrelposned", "ublox_msgs/msg/NavRELPOSNED9"),
+        ];
+        let selection = find(&topics, &[]).unwrap();
+        assert_eq!(selection.topic(Role::GnssPosition), Some(0));
+        assert_eq!(selection.topic(Role::GnssVelocity), Some(1));
+        // Where the antennas are is not in the message: only who names it vouches for it.
+        assert_eq!(selection.topic(Role::Heading), None);
+        let named = [
+            (Role::GnssPosition, "/ublox/navpvt"),
+            (Role::Heading, "/ublox/navrelposned"),
+        ];
+        let selection = find(&topics, &named).unwrap();
+        assert_eq!(selection.topic(Role::GnssPosition), Some(1));
+        assert_eq!(selection.topic(Role::Heading), Some(2));
     }
 
     #[test]

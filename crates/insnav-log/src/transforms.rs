@@ -2,7 +2,7 @@
 
 use crate::error::LogError;
 use crate::log::Log;
-use crate::ros2::{Decode, Header, Transforms};
+use crate::ros2::Transforms;
 use crate::samples::imu_to_body;
 use crate::topics::Role;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -27,11 +27,13 @@ impl Log {
         };
         let mut by_child = BTreeMap::new();
         let mut messages = self.messages(&[topic]);
+        let mut reader = self.reader(topic)?;
         while let Some(message) = messages.next() {
             let message = message?;
-            let undecodable = |source| self.undecodable(topic, &message, source);
-            for transform in Transforms::decode(message.data).map_err(undecodable)? {
-                let transform = transform.map_err(undecodable)?;
+            let transforms: Transforms<'_> = reader
+                .decode(message.data)
+                .map_err(|source| self.undecodable(topic, &message, source))?;
+            for transform in transforms.0 {
                 let [x, y, z, w] = transform.rotation;
                 let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5);
                 // A quaternion of zeros is how an unset rotation looks.
@@ -80,9 +82,11 @@ impl Log {
         let Some(message) = messages.next().transpose()? else {
             return Ok(None);
         };
-        let header = Header::decode(message.data)
+        let mut reader = self.reader(topic)?;
+        let content = reader
+            .content(message.data)
             .map_err(|source| self.undecodable(topic, &message, source))?;
-        let name = frame_name(header.frame_id);
+        let name = frame_name(content.frame_id);
         Ok((!name.is_empty()).then_some(name))
     }
 }

@@ -7,5 +7,5 @@
 mod reader;
 mod writer;
 
-pub use reader::{CdrError, CdrReader};
+pub use reader::CdrReader;
 pub use writer::{CdrWriter, Endian};

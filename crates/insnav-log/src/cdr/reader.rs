@@ -1,28 +1,7 @@
 //! The reading cursor.
 
-/// Why some bytes are no message of the expected type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CdrError {
-    /// The message ends too early.
-    #[error("{missing} bytes are missing at byte {at} of {length}")]
-    TooShort {
-        /// Where the field would begin.
-        at: usize,
-        /// How many bytes it lacks.
-        missing: usize,
-        /// Bytes of the message.
-        length: usize,
-    },
-    /// An encapsulation other than plain CDR.
-    #[error("encapsulation {0:#06x} is not plain CDR (0x0000 or 0x0001)")]
-    Encapsulation(u16),
-    /// A string that does not end in NUL, or is not UTF-8.
-    #[error("no valid string at byte {at}")]
-    BadString {
-        /// Where its bytes begin.
-        at: usize,
-    },
-}
+use crate::wire::{DecodeError, Wire};
+use insnav_core::time::Time;
 
 /// Reads fields one after the other from the bytes of one message.
 #[derive(Clone, Debug)]
@@ -37,7 +16,7 @@ macro_rules! scalar {
     ($(#[$doc:meta])* $name:ident, $type:ty) => {
         $(#[$doc])*
         #[inline]
-        pub fn $name(&mut self) -> Result<$type, CdrError> {
+        pub fn $name(&mut self) -> Result<$type, DecodeError> {
             self.align(size_of::<$type>());
             let bytes = *self.take_array()?;
             Ok(if self.big_endian { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) })
@@ -47,9 +26,9 @@ macro_rules! scalar {
 
 impl<'a> CdrReader<'a> {
     /// A cursor at the first field of a message, which begins with the encapsulation header.
-    pub fn new(message: &'a [u8]) -> Result<Self, CdrError> {
+    pub fn new(message: &'a [u8]) -> Result<Self, DecodeError> {
         let Some((header, body)) = message.split_first_chunk::<4>() else {
-            return Err(CdrError::TooShort {
+            return Err(DecodeError::TooShort {
                 at: 0,
                 missing: 4 - message.len(),
                 length: message.len(),
@@ -66,7 +45,7 @@ impl<'a> CdrReader<'a> {
                 at: 0,
                 big_endian: false,
             }),
-            other => Err(CdrError::Encapsulation(other)),
+            other => Err(DecodeError::Encapsulation(other)),
         }
     }
 
@@ -76,7 +55,7 @@ impl<'a> CdrReader<'a> {
     }
 
     #[inline]
-    fn take(&mut self, count: usize) -> Result<&'a [u8], CdrError> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], DecodeError> {
         match self.body.get(self.at..).and_then(|rest| rest.get(..count)) {
             Some(bytes) => {
                 self.at += count;
@@ -87,7 +66,7 @@ impl<'a> CdrReader<'a> {
     }
 
     #[inline]
-    fn take_array<const N: usize>(&mut self) -> Result<&'a [u8; N], CdrError> {
+    fn take_array<const N: usize>(&mut self) -> Result<&'a [u8; N], DecodeError> {
         match self
             .body
             .get(self.at..)
@@ -102,9 +81,9 @@ impl<'a> CdrReader<'a> {
     }
 
     #[cold]
-    fn too_short(&self, count: usize) -> CdrError {
+    fn too_short(&self, count: usize) -> DecodeError {
         let available = self.body.len().saturating_sub(self.at);
-        CdrError::TooShort {
+        DecodeError::TooShort {
             at: self.at + 4,
             missing: count - available,
             length: self.body.len() + 4,
@@ -138,7 +117,7 @@ impl<'a> CdrReader<'a> {
 
     /// `N` consecutive numbers, checked once for all of them.
     #[inline]
-    pub fn f64_array<const N: usize>(&mut self) -> Result<[f64; N], CdrError> {
+    pub fn f64_array<const N: usize>(&mut self) -> Result<[f64; N], DecodeError> {
         self.align(8);
         let bytes = self.take(8 * N)?;
         let (words, _) = bytes.as_chunks::<8>();
@@ -155,20 +134,20 @@ impl<'a> CdrReader<'a> {
 
     /// A string, without its NUL. A length of zero, which some writers use for the empty string, is read as such.
     #[inline]
-    pub fn string(&mut self) -> Result<&'a str, CdrError> {
+    pub fn string(&mut self) -> Result<&'a str, DecodeError> {
         let length = self.u32()? as usize;
         let at = self.at + 4;
         match self.take(length)? {
             [] => Ok(""),
-            [text @ .., 0] => core::str::from_utf8(text).map_err(|_| CdrError::BadString { at }),
-            _ => Err(CdrError::BadString { at }),
+            [text @ .., 0] => core::str::from_utf8(text).map_err(|_| DecodeError::BadString { at }),
+            _ => Err(DecodeError::BadString { at }),
         }
     }
 
     /// The number of elements of a sequence whose elements take at least `smallest` bytes each.
     ///
     /// A count that cannot fit into what is left is refused here, so that no caller reserves memory for it.
-    pub fn sequence(&mut self, smallest: usize) -> Result<usize, CdrError> {
+    pub fn sequence(&mut self, smallest: usize) -> Result<usize, DecodeError> {
         let count = self.u32()? as usize;
         let needed = count.saturating_mul(smallest);
         if needed > self.body.len() - self.at {
@@ -176,6 +155,74 @@ impl<'a> CdrReader<'a> {
         } else {
             Ok(count)
         }
+    }
+}
+
+/// The fields in order; their names are for wires that have them.
+impl<'a> Wire<'a> for CdrReader<'a> {
+    #[inline]
+    fn i8(&mut self, _: &'static str) -> Result<i8, DecodeError> {
+        CdrReader::i8(self)
+    }
+
+    #[inline]
+    fn u8(&mut self, _: &'static str) -> Result<u8, DecodeError> {
+        CdrReader::u8(self)
+    }
+
+    #[inline]
+    fn u16(&mut self, _: &'static str) -> Result<u16, DecodeError> {
+        CdrReader::u16(self)
+    }
+
+    #[inline]
+    fn f64(&mut self, _: &'static str) -> Result<f64, DecodeError> {
+        CdrReader::f64(self)
+    }
+
+    #[inline]
+    fn f64_array<const N: usize>(&mut self, _: &'static str) -> Result<[f64; N], DecodeError> {
+        CdrReader::f64_array(self)
+    }
+
+    #[inline]
+    fn components<const N: usize>(
+        &mut self,
+        _: &'static str,
+        _: [&'static str; N],
+    ) -> Result<[f64; N], DecodeError> {
+        CdrReader::f64_array(self)
+    }
+
+    #[inline]
+    fn string(&mut self, _: &'static str) -> Result<&'a str, DecodeError> {
+        CdrReader::string(self)
+    }
+
+    #[inline]
+    fn time(&mut self, _: &'static str) -> Result<Time, DecodeError> {
+        let seconds = self.i32()?;
+        let nanos = self.u32()?;
+        Ok(Time(i64::from(seconds) * 1_000_000_000 + i64::from(nanos)))
+    }
+
+    #[inline]
+    fn nested<T>(
+        &mut self,
+        _: &'static str,
+        read: impl FnOnce(&mut Self) -> Result<T, DecodeError>,
+    ) -> Result<T, DecodeError> {
+        read(self)
+    }
+
+    fn elements<T>(
+        &mut self,
+        _: &'static str,
+        smallest: usize,
+        mut read: impl FnMut(&mut Self) -> Result<T, DecodeError>,
+    ) -> Result<Vec<T>, DecodeError> {
+        let count = self.sequence(smallest)?;
+        (0..count).map(|_| read(self)).collect()
     }
 }
 
@@ -199,7 +246,7 @@ mod tests {
         let mut reader = CdrReader::new(&[0, 1, 0, 0, 1, 2]).unwrap();
         assert_eq!(
             reader.u32(),
-            Err(CdrError::TooShort {
+            Err(DecodeError::TooShort {
                 at: 4,
                 missing: 2,
                 length: 6
@@ -207,11 +254,11 @@ mod tests {
         );
         assert_eq!(
             CdrReader::new(&[0, 3, 0, 0]).unwrap_err(),
-            CdrError::Encapsulation(3)
+            DecodeError::Encapsulation(3)
         );
         assert_eq!(
             CdrReader::new(&[0]).unwrap_err(),
-            CdrError::TooShort {
+            DecodeError::TooShort {
                 at: 0,
                 missing: 3,
                 length: 1
@@ -222,7 +269,7 @@ mod tests {
     #[test]
     fn a_string_needs_its_nul() {
         let mut reader = CdrReader::new(&[0, 0, 0, 0, 0, 0, 0, 2, b'a', b'b']).unwrap();
-        assert_eq!(reader.string(), Err(CdrError::BadString { at: 8 }));
+        assert_eq!(reader.string(), Err(DecodeError::BadString { at: 8 }));
     }
 
     proptest! {

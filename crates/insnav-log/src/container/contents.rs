@@ -17,6 +17,8 @@ use std::path::Path;
 pub(crate) struct Schema {
     pub(crate) name: String,
     pub(crate) encoding: String,
+    /// The definition itself.
+    pub(crate) text: Vec<u8>,
     /// True when the first field of the definition is a `std_msgs/Header`, so that a message begins with its stamp.
     pub(crate) stamped: bool,
 }
@@ -285,6 +287,7 @@ impl Contents {
                 name,
                 encoding,
                 stamped: begins_with_header(text),
+                text: text.to_vec(),
             };
             self.schemas
                 .insert(id, schema.clone())
@@ -345,7 +348,7 @@ fn begins_with_header(text: &[u8]) -> bool {
         .is_some_and(|line| {
             matches!(
                 line.split_whitespace().next(),
-                Some("std_msgs/Header" | "std_msgs/msg/Header")
+                Some("std_msgs/Header" | "std_msgs/msg/Header" | "Header")
             )
         })
 }

@@ -1,7 +1,8 @@
 //! `std_msgs/msg/Header`.
 
 use super::Decode;
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 use insnav_core::time::Time;
 
 /// When and in which frame.
@@ -15,13 +16,21 @@ pub struct Header<'a> {
 
 impl<'a> Decode<'a> for Header<'a> {
     #[inline]
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
-        let seconds = from.i32()?;
-        let nanos = from.u32()?;
-        let stamp = Time(i64::from(seconds) * 1_000_000_000 + i64::from(nanos));
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        from.sequence_number()?;
         Ok(Header {
-            stamp,
-            frame_id: from.string()?,
+            stamp: from.time("stamp")?,
+            frame_id: from.or_absent("", |from| from.string("frame_id"))?,
+        })
+    }
+}
+
+impl<'a> Header<'a> {
+    /// The header at the begin of a message; empty where a wire may leave it out and does.
+    #[inline]
+    pub(crate) fn of<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        from.or_absent(Header::default(), |from| {
+            from.nested("header", Header::read)
         })
     }
 }

@@ -1,7 +1,8 @@
 //! `sensor_msgs/msg/Imu`.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 use nalgebra::Vector3;
 
 /// Angular rate, specific force and perhaps an orientation.
@@ -23,17 +24,29 @@ pub struct Imu<'a> {
     pub linear_acceleration_covariance: [f64; 9],
 }
 
+/// The covariance of an orientation that a message does not have.
+const NOT_THERE: [f64; 9] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
 impl<'a> Decode<'a> for Imu<'a> {
     #[inline]
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(Imu {
-            header: Header::read(from)?,
-            orientation: from.f64_array()?,
-            orientation_covariance: from.f64_array()?,
-            angular_velocity: from.f64_array()?.into(),
-            angular_velocity_covariance: from.f64_array()?,
-            linear_acceleration: from.f64_array()?.into(),
-            linear_acceleration_covariance: from.f64_array()?,
+            header: Header::of(from)?,
+            orientation: from.or_absent([0.0; 4], |from| {
+                from.components("orientation", ["x", "y", "z", "w"])
+            })?,
+            orientation_covariance: from
+                .or_absent(NOT_THERE, |from| from.f64_array("orientation_covariance"))?,
+            angular_velocity: from.components("angular_velocity", ["x", "y", "z"])?.into(),
+            angular_velocity_covariance: from.or_absent([0.0; 9], |from| {
+                from.f64_array("angular_velocity_covariance")
+            })?,
+            linear_acceleration: from
+                .components("linear_acceleration", ["x", "y", "z"])?
+                .into(),
+            linear_acceleration_covariance: from.or_absent([0.0; 9], |from| {
+                from.f64_array("linear_acceleration_covariance")
+            })?,
         })
     }
 }

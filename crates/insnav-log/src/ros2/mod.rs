@@ -1,6 +1,6 @@
-//! The ROS 2 messages that are read and written, one file per message.
+//! The ROS messages that are read and written, one file per message; ROS 1 has the same under shorter names.
 //!
-//! A decoded message borrows its strings from the bytes it was read from. Values are as on the wire: ROS axes (ENU,
+//! Each is described once and read from CDR, ROS 1 and JSON by that description. A decoded message borrows its strings from the bytes it was read from. Values are as on the wire: ROS axes (ENU,
 //! forward-left-up) and units; what they mean to the navigator is decided by [`crate::Samples`] and [`crate::McapSink`].
 
 mod diagnostics;
@@ -27,15 +27,16 @@ pub use transform::{TfMessage, TransformStamped, Transforms};
 pub use twist::{Twist, TwistStamped, TwistWithCovarianceStamped};
 pub use update::UpdateMessage;
 
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::{CdrReader, CdrWriter};
+use crate::wire::{DecodeError, Wire};
 
-/// A message that can be read from CDR.
+/// A message that can be read, from any wire that has its fields.
 pub trait Decode<'a>: Sized {
     /// Read the fields in order.
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError>;
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError>;
 
-    /// Read a whole message. Bytes after its last field are padding of the writer, and allowed.
-    fn decode(message: &'a [u8]) -> Result<Self, CdrError> {
+    /// Read a whole message from CDR. Bytes after its last field are padding of the writer, and allowed.
+    fn decode(message: &'a [u8]) -> Result<Self, DecodeError> {
         Self::read(&mut CdrReader::new(message)?)
     }
 }

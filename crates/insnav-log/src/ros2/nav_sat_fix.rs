@@ -1,7 +1,8 @@
 //! `sensor_msgs/msg/NavSatFix`.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 
 /// What the stated covariance is worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +17,18 @@ pub enum CovarianceType {
     DiagonalKnown = 2,
     /// All of it is known.
     Known = 3,
+}
+
+impl From<u8> for CovarianceType {
+    /// As messages number them; what they do not define is worth nothing.
+    fn from(number: u8) -> Self {
+        match number {
+            1 => CovarianceType::Approximated,
+            2 => CovarianceType::DiagonalKnown,
+            3 => CovarianceType::Known,
+            _ => CovarianceType::Unknown,
+        }
+    }
 }
 
 /// A GNSS position.
@@ -40,21 +53,28 @@ pub struct NavSatFix<'a> {
 }
 
 impl<'a> Decode<'a> for NavSatFix<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        let header = Header::of(from)?;
+        let (status, service) = from.or_absent((-2, 0), |from| {
+            from.nested("status", |from| {
+                Ok((
+                    from.i8("status")?,
+                    from.or_absent(0, |from| from.u16("service"))?,
+                ))
+            })
+        })?;
         Ok(NavSatFix {
-            header: Header::read(from)?,
-            status: from.i8()?,
-            service: from.u16()?,
-            latitude_deg: from.f64()?,
-            longitude_deg: from.f64()?,
-            altitude_m: from.f64()?,
-            position_covariance: from.f64_array()?,
-            position_covariance_type: match from.u8()? {
-                1 => CovarianceType::Approximated,
-                2 => CovarianceType::DiagonalKnown,
-                3 => CovarianceType::Known,
-                _ => CovarianceType::Unknown,
-            },
+            header,
+            status,
+            service,
+            latitude_deg: from.f64("latitude")?,
+            longitude_deg: from.f64("longitude")?,
+            altitude_m: from.f64("altitude")?,
+            position_covariance: from
+                .or_absent([0.0; 9], |from| from.f64_array("position_covariance"))?,
+            position_covariance_type: CovarianceType::from(
+                from.or_absent(0, |from| from.u8("position_covariance_type"))?,
+            ),
         })
     }
 }

@@ -1,7 +1,8 @@
 //! `nav_msgs/msg/Odometry`.
 
 use super::{Decode, Encode, Header, Pose, Twist};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 
 /// A pose in `header.frame_id` and a velocity in `child_frame_id`, each with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,14 +22,28 @@ pub struct Odometry<'a> {
 }
 
 impl<'a> Decode<'a> for Odometry<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        let header = Header::of(from)?;
+        let child_frame_id = from.or_absent("", |from| from.string("child_frame_id"))?;
+        let (pose, pose_covariance) = from.nested("pose", |from| {
+            Ok((
+                from.nested("pose", Pose::read)?,
+                from.or_absent([0.0; 36], |from| from.f64_array("covariance"))?,
+            ))
+        })?;
+        let (twist, twist_covariance) = from.nested("twist", |from| {
+            Ok((
+                from.nested("twist", Twist::read)?,
+                from.or_absent([0.0; 36], |from| from.f64_array("covariance"))?,
+            ))
+        })?;
         Ok(Odometry {
-            header: Header::read(from)?,
-            child_frame_id: from.string()?,
-            pose: Pose::read(from)?,
-            pose_covariance: from.f64_array()?,
-            twist: Twist::read(from)?,
-            twist_covariance: from.f64_array()?,
+            header,
+            child_frame_id,
+            pose,
+            pose_covariance,
+            twist,
+            twist_covariance,
         })
     }
 }

@@ -1,7 +1,8 @@
 //! `geometry_msgs/msg/PoseStamped`.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 use nalgebra::Vector3;
 
 /// Position and orientation.
@@ -13,11 +14,11 @@ pub struct Pose {
     pub orientation: [f64; 4],
 }
 
-impl Decode<'_> for Pose {
-    fn read(from: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+impl<'a> Decode<'a> for Pose {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(Pose {
-            position: from.f64_array()?.into(),
-            orientation: from.f64_array()?,
+            position: from.components("position", ["x", "y", "z"])?.into(),
+            orientation: from.components("orientation", ["x", "y", "z", "w"])?,
         })
     }
 }
@@ -39,10 +40,10 @@ pub struct PoseStamped<'a> {
 }
 
 impl<'a> Decode<'a> for PoseStamped<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(PoseStamped {
-            header: Header::read(from)?,
-            pose: Pose::read(from)?,
+            header: Header::of(from)?,
+            pose: from.nested("pose", Pose::read)?,
         })
     }
 }

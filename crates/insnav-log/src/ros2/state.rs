@@ -1,7 +1,8 @@
 //! `insnav_msgs/msg/State`: one epoch of the solution as plain numbers, made to be plotted and read back.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 
 /// Declares the struct, its wire order and its message definition from one list of fields, so that they cannot drift apart.
 macro_rules! state_message {
@@ -17,8 +18,8 @@ macro_rules! state_message {
         }
 
         impl<'a> Decode<'a> for State<'a> {
-            fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
-                Ok(State { header: Header::read(from)?, $($field: from.f64()?,)* motion: from.u8()? })
+            fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+                Ok(State { header: Header::of(from)?, $($field: from.f64(stringify!($field))?,)* motion: from.u8("motion")? })
             }
         }
 

@@ -1,7 +1,8 @@
 //! `tf2_msgs/msg/TFMessage`.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 use nalgebra::Vector3;
 
 /// Where the frame `child_frame_id` is in the frame of the header.
@@ -18,12 +19,16 @@ pub struct TransformStamped<'a> {
 }
 
 impl<'a> Decode<'a> for TransformStamped<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
-        Ok(TransformStamped {
-            header: Header::read(from)?,
-            child_frame_id: from.string()?,
-            translation: from.f64_array()?.into(),
-            rotation: from.f64_array()?,
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        let header = Header::of(from)?;
+        let child_frame_id = from.string("child_frame_id")?;
+        from.nested("transform", |from| {
+            Ok(TransformStamped {
+                header,
+                child_frame_id,
+                translation: from.components("translation", ["x", "y", "z"])?.into(),
+                rotation: from.components("rotation", ["x", "y", "z", "w"])?,
+            })
         })
     }
 }
@@ -49,32 +54,15 @@ impl Encode for TfMessage<'_> {
     }
 }
 
-/// The transforms of a message, read one at a time without a list.
-#[derive(Clone, Debug)]
-pub struct Transforms<'a> {
-    from: CdrReader<'a>,
-    left: usize,
-}
+/// The transforms of a message.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Transforms<'a>(pub Vec<TransformStamped<'a>>);
 
-impl<'a> Transforms<'a> {
-    /// The transforms of this message.
-    pub fn decode(message: &'a [u8]) -> Result<Self, CdrError> {
-        let mut from = CdrReader::new(message)?;
+impl<'a> Decode<'a> for Transforms<'a> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         // Stamp, two empty strings, seven numbers: no transform is shorter.
-        let left = from.sequence(8 + 4 + 4 + 56)?;
-        Ok(Transforms { from, left })
-    }
-}
-
-impl<'a> Iterator for Transforms<'a> {
-    type Item = Result<TransformStamped<'a>, CdrError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.left = self.left.checked_sub(1)?;
-        let transform = TransformStamped::read(&mut self.from);
-        if transform.is_err() {
-            self.left = 0;
-        }
-        Some(transform)
+        let smallest = 8 + 4 + 4 + 56;
+        from.elements("transforms", smallest, TransformStamped::read)
+            .map(Transforms)
     }
 }

@@ -1,7 +1,8 @@
 //! `geometry_msgs/msg/TwistStamped` and `TwistWithCovarianceStamped`: how GNSS drivers publish velocity.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 use nalgebra::Vector3;
 
 /// Linear and angular velocity.
@@ -13,11 +14,13 @@ pub struct Twist {
     pub angular: Vector3<f64>,
 }
 
-impl Decode<'_> for Twist {
-    fn read(from: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+impl<'a> Decode<'a> for Twist {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(Twist {
-            linear: from.f64_array()?.into(),
-            angular: from.f64_array()?.into(),
+            linear: from.components("linear", ["x", "y", "z"])?.into(),
+            angular: from
+                .or_absent([0.0; 3], |from| from.components("angular", ["x", "y", "z"]))?
+                .into(),
         })
     }
 }
@@ -39,10 +42,10 @@ pub struct TwistStamped<'a> {
 }
 
 impl<'a> Decode<'a> for TwistStamped<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(TwistStamped {
-            header: Header::read(from)?,
-            twist: Twist::read(from)?,
+            header: Header::of(from)?,
+            twist: from.nested("twist", Twist::read)?,
         })
     }
 }
@@ -68,11 +71,14 @@ pub struct TwistWithCovarianceStamped<'a> {
 }
 
 impl<'a> Decode<'a> for TwistWithCovarianceStamped<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
-        Ok(TwistWithCovarianceStamped {
-            header: Header::read(from)?,
-            twist: Twist::read(from)?,
-            covariance: from.f64_array()?,
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        let header = Header::of(from)?;
+        from.nested("twist", |from| {
+            Ok(TwistWithCovarianceStamped {
+                header,
+                twist: from.nested("twist", Twist::read)?,
+                covariance: from.or_absent([0.0; 36], |from| from.f64_array("covariance"))?,
+            })
         })
     }
 }

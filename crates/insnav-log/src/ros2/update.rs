@@ -1,7 +1,8 @@
 //! `insnav_msgs/msg/Update`: one measurement as the filter saw it.
 
 use super::{Decode, Encode, Header};
-use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::cdr::CdrWriter;
+use crate::wire::{DecodeError, Wire};
 
 /// One measurement: residual, its predicted standard deviation, normalised innovation squared, verdict.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,15 +24,15 @@ pub struct UpdateMessage<'a> {
 }
 
 impl<'a> Decode<'a> for UpdateMessage<'a> {
-    fn read(from: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+    fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
         Ok(UpdateMessage {
-            header: Header::read(from)?,
-            measurement: from.string()?,
-            dof: from.u8()?,
-            residual: from.f64_array()?,
-            sigma: from.f64_array()?,
-            nis: from.f64()?,
-            verdict: from.u8()?,
+            header: Header::of(from)?,
+            measurement: from.string("measurement")?,
+            dof: from.u8("dof")?,
+            residual: from.f64_array("residual")?,
+            sigma: from.f64_array("sigma")?,
+            nis: from.f64("nis")?,
+            verdict: from.u8("verdict")?,
         })
     }
 }

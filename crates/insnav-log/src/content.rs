@@ -1,0 +1,326 @@
+//! What a message says, once its encoding and its type are out of the way.
+
+use crate::cdr::CdrReader;
+use crate::device;
+use crate::message::MessageKind;
+use crate::ros2::{
+    CovarianceType, Decode, Header, Imu, NavSatFix, Odometry, Transforms, TwistStamped,
+    TwistWithCovarianceStamped,
+};
+use crate::velocity_axes::VelocityAxes;
+use crate::wire::{
+    DecodeError, Definition, DefinitionError, Document, Fields, LocationFixLayout, Ros1Reader,
+    read_json, read_location_fix,
+};
+use insnav_core::time::Time;
+use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+/// A stamp and whose clock it is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stamp {
+    /// The clock of the machine that recorded, or one kept equal to it; zero where the driver sets none.
+    Host(Time),
+    /// A clock of the sensor's own: time since its power-on, or a receiver's time.
+    Own(Time),
+}
+
+/// What a message says, in SI (angles of a position in degrees).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Content<'a> {
+    pub(crate) stamp: Stamp,
+    pub(crate) frame_id: &'a str,
+    pub(crate) body: Body,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Body {
+    Rates(Rates),
+    Gnss {
+        position: Option<Fix>,
+        velocity: Option<Velocity>,
+    },
+    Heading(Option<NorthHeading>),
+    /// Nothing that the navigator takes.
+    Other,
+}
+
+/// Angular rate and specific force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rates {
+    pub(crate) angular_rate: Vector3<f64>,
+    pub(crate) specific_force: Vector3<f64>,
+    pub(crate) axes: Axes,
+}
+
+/// Axes of an inertial message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Axes {
+    /// The user says; else forward-left-up.
+    AsRead,
+    /// Forward-left-up, by the message's definition or the user's map.
+    Flu,
+    /// Forward-right-down, by the message's definition or the user's map.
+    Frd,
+}
+
+/// A position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fix {
+    pub(crate) no_fix: bool,
+    pub(crate) latitude_deg: f64,
+    pub(crate) longitude_deg: f64,
+    pub(crate) height_m: f64,
+    /// Known to be above the ellipsoid, whatever the user says of altitudes.
+    pub(crate) ellipsoidal: bool,
+    /// East, north, up, m².
+    pub(crate) covariance_enu: Option<Matrix3<f64>>,
+}
+
+/// A velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Velocity {
+    pub(crate) no_fix: bool,
+    /// Axes by a convention that drivers do not always keep: the user may say others.
+    pub(crate) by_convention: bool,
+    /// East, north, up, m/s.
+    pub(crate) enu: Vector3<f64>,
+    pub(crate) covariance_enu: Option<Matrix3<f64>>,
+}
+
+impl Velocity {
+    /// In east, north, up, if the message's axes are these.
+    pub(crate) fn read_with(&self, axes: VelocityAxes) -> Velocity {
+        if !self.by_convention {
+            return *self;
+        }
+        Velocity {
+            enu: axes.to_enu(&self.enu),
+            covariance_enu: self.covariance_enu.map(|p| axes.covariance_to_enu(&p)),
+            ..*self
+        }
+    }
+}
+
+/// A heading, rad clockwise from true north, and its standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NorthHeading {
+    pub(crate) heading: f64,
+    pub(crate) sigma: f64,
+}
+
+impl Content<'_> {
+    /// How many of its numbers a navigator cannot use: NaN or infinite.
+    pub(crate) fn is_finite(&self) -> bool {
+        match &self.body {
+            Body::Rates(r) => (r.angular_rate.sum() + r.specific_force.sum()).is_finite(),
+            Body::Gnss {
+                velocity: Some(v), ..
+            } => (v.enu.x + v.enu.y).is_finite(),
+            Body::Heading(Some(h)) => (h.heading + h.sigma).is_finite(),
+            _ => true,
+        }
+    }
+}
+
+/// How the messages of a topic are encoded.
+#[derive(Clone, Debug)]
+pub(crate) enum Format {
+    Cdr,
+    Ros1,
+    Json,
+    CdrBy(Arc<Definition>),
+    Ros1By(Arc<Definition>),
+    LocationFix(LocationFixLayout),
+}
+
+impl Format {
+    /// How to read messages of a kind. `None`: not at all; an error: it could be but for the definition.
+    pub(crate) fn of(
+        kind: MessageKind,
+        encoding: &str,
+        language: &str,
+        definition: &[u8],
+    ) -> Option<Result<Self, DefinitionError>> {
+        let by_definition = || Definition::parse(language, definition).map(Arc::new);
+        Some(match encoding {
+            "cdr" if kind.is_fixed() => Ok(Format::Cdr),
+            "ros1" if kind.is_fixed() => Ok(Format::Ros1),
+            "cdr" => by_definition().map(Format::CdrBy),
+            "ros1" => by_definition().map(Format::Ros1By),
+            "json" => Ok(Format::Json),
+            "protobuf" if kind == MessageKind::LocationFix => {
+                LocationFixLayout::check(definition).map(Format::LocationFix)
+            }
+            _ => return None,
+        })
+    }
+}
+
+/// Reads the messages of one topic; its memory is kept from message to message.
+#[derive(Clone, Debug)]
+pub(crate) struct MessageReader {
+    kind: MessageKind,
+    format: Format,
+    document: Document,
+}
+
+impl MessageReader {
+    pub(crate) fn new(kind: MessageKind, format: Format) -> Self {
+        MessageReader {
+            kind,
+            format,
+            document: Document::default(),
+        }
+    }
+
+    /// A message of a type whose fields have a fixed order.
+    #[inline]
+    pub(crate) fn decode<'a, M: Decode<'a>>(
+        &'a mut self,
+        message: &'a [u8],
+    ) -> Result<M, DecodeError> {
+        match &self.format {
+            Format::Cdr => M::read(&mut CdrReader::new(message)?),
+            Format::Ros1 => M::read(&mut Ros1Reader::new(message)),
+            _ => M::read(&mut self.fields(message)?),
+        }
+    }
+
+    /// The fields by name.
+    pub(crate) fn fields<'a>(&'a mut self, message: &'a [u8]) -> Result<Fields<'a>, DecodeError> {
+        let document = &mut self.document;
+        match &self.format {
+            Format::CdrBy(definition) => definition.read_cdr(document, message),
+            Format::Ros1By(definition) => definition.read_ros1(document, message),
+            Format::LocationFix(layout) => read_location_fix(*layout, document, message),
+            Format::Json | Format::Cdr | Format::Ros1 => read_json(document, message),
+        }
+    }
+
+    /// What a message says.
+    #[inline]
+    pub(crate) fn content<'a>(&'a mut self, message: &'a [u8]) -> Result<Content<'a>, DecodeError> {
+        if self.kind == MessageKind::Imu {
+            return Ok(imu(&self.decode(message)?));
+        }
+        self.other_content(message)
+    }
+
+    fn other_content<'a>(&'a mut self, message: &'a [u8]) -> Result<Content<'a>, DecodeError> {
+        Ok(match self.kind {
+            MessageKind::Imu => imu(&self.decode(message)?),
+            MessageKind::NavSatFix => nav_sat_fix(&self.decode(message)?),
+            MessageKind::TwistStamped => {
+                let twist: TwistStamped<'_> = self.decode(message)?;
+                velocity(twist.header, twist.twist.linear, None)
+            }
+            MessageKind::TwistWithCovarianceStamped => {
+                let twist: TwistWithCovarianceStamped<'_> = self.decode(message)?;
+                let covariance = covariance_block(&twist.covariance);
+                velocity(twist.header, twist.twist.linear, covariance)
+            }
+            MessageKind::Odometry => other(self.decode::<Odometry<'_>>(message)?.header),
+            MessageKind::Stamped => other(self.decode::<Stamped<'_>>(message)?.0),
+            MessageKind::Transforms => {
+                let transforms: Transforms<'_> = self.decode(message)?;
+                other(transforms.0.first().map(|t| t.header).unwrap_or_default())
+            }
+            MessageKind::LocationFix => device::location_fix(&mut self.fields(message)?)?,
+            MessageKind::GpsFix => device::gps_fix(&mut self.fields(message)?)?,
+            MessageKind::NavPvt => device::nav_pvt(&mut self.fields(message)?)?,
+            MessageKind::NavRelPosNed => device::nav_rel_pos_ned(&mut self.fields(message)?)?,
+            MessageKind::SensorCombined => device::sensor_combined(&mut self.fields(message)?)?,
+            MessageKind::SensorGps => device::sensor_gps(&mut self.fields(message)?)?,
+            MessageKind::Mapped => other(Header::default()),
+        })
+    }
+}
+
+/// The header that a message begins with; the rest is not looked at.
+struct Stamped<'a>(Header<'a>);
+
+impl<'a> Decode<'a> for Stamped<'a> {
+    fn read<W: crate::wire::Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
+        Header::of(from).map(Stamped)
+    }
+}
+
+fn other(header: Header<'_>) -> Content<'_> {
+    Content {
+        stamp: Stamp::Host(header.stamp),
+        frame_id: header.frame_id,
+        body: Body::Other,
+    }
+}
+
+#[inline]
+fn imu<'a>(imu: &Imu<'a>) -> Content<'a> {
+    Content {
+        stamp: Stamp::Host(imu.header.stamp),
+        frame_id: imu.header.frame_id,
+        body: Body::Rates(Rates {
+            angular_rate: imu.angular_velocity,
+            specific_force: imu.linear_acceleration,
+            axes: Axes::AsRead,
+        }),
+    }
+}
+
+fn nav_sat_fix<'a>(fix: &NavSatFix<'a>) -> Content<'a> {
+    Content {
+        stamp: Stamp::Host(fix.header.stamp),
+        frame_id: fix.header.frame_id,
+        body: Body::Gnss {
+            position: Some(Fix::from(fix)),
+            velocity: None,
+        },
+    }
+}
+
+impl From<&NavSatFix<'_>> for Fix {
+    fn from(fix: &NavSatFix<'_>) -> Self {
+        Fix {
+            // −2, "not yet set" of later definitions, is the default of drivers that never set it: the numbers decide.
+            no_fix: fix.status == -1,
+            latitude_deg: fix.latitude_deg,
+            longitude_deg: fix.longitude_deg,
+            height_m: fix.altitude_m,
+            ellipsoidal: false,
+            covariance_enu: stated_covariance(
+                fix.position_covariance_type,
+                &fix.position_covariance,
+            ),
+        }
+    }
+}
+
+/// A covariance row by row, unless it is said to be worth nothing.
+pub(crate) fn stated_covariance(kind: CovarianceType, rows: &[f64; 9]) -> Option<Matrix3<f64>> {
+    (kind != CovarianceType::Unknown).then(|| Matrix3::from_row_slice(rows))
+}
+
+fn velocity<'a>(
+    header: Header<'a>,
+    enu: Vector3<f64>,
+    covariance_enu: Option<Matrix3<f64>>,
+) -> Content<'a> {
+    Content {
+        stamp: Stamp::Host(header.stamp),
+        frame_id: header.frame_id,
+        body: Body::Gnss {
+            position: None,
+            velocity: Some(Velocity {
+                no_fix: false,
+                by_convention: true,
+                enu,
+                covariance_enu,
+            }),
+        },
+    }
+}
+
+/// The upper left block of a 6 × 6 covariance; `None` when its first element is −1, which in ROS says "not known".
+fn covariance_block(covariance: &[f64; 36]) -> Option<Matrix3<f64>> {
+    (covariance[0] >= 0.0).then(|| Matrix3::from_fn(|i, j| covariance[6 * i + j]))
+}
