@@ -52,9 +52,9 @@ pub use message::MessageKind;
 pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs};
 pub use problem::Problem;
 pub use run::{
-    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, NoiseReport, Plan, RunError,
-    RunOptions, RunReport, SavedRun, SolutionSink, Source, StateError, StopReport, Stream, Survey,
-    Warning, Withhold,
+    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, KnownStart, NoiseReport, Plan,
+    RunError, RunOptions, RunReport, SavedRun, SolutionSink, Source, StateError, StopReport,
+    Stream, Survey, Warning, Withhold,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};

@@ -7,6 +7,7 @@
 mod arrays;
 mod failure;
 mod inputs;
+mod known_start;
 mod run;
 mod settings;
 mod sinks;

@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, warn};
 use crate::inputs;
+use crate::known_start;
 use crate::settings;
 use crate::sinks::FileAndMemory;
 use crate::solution::Solution;
@@ -35,6 +36,8 @@ use std::path::PathBuf;
 ///     in the data. Without it a difference is looked for and warned of, but not used.
 /// withhold : str, optional
 ///     Fixes to keep from the filter: intervals in seconds (``"120:150,300:330"``) or one in N epochs (``"every:2"``).
+/// start : mapping, optional
+///     A state that is known, in place of a start found in the data (see :class:`Start`).
 /// topics : mapping, optional
 ///     Of a log: topics by role (``"imu"``, ``"gnss"``, ``"gnss-velocity"``) where they cannot be told.
 /// imu_axes : {"flu", "frd"}, optional
@@ -58,8 +61,8 @@ use std::path::PathBuf;
 ///     Data that look wrong; all warnings are in ``summary["warnings"]`` too.
 #[pyfunction]
 #[pyo3(signature = (
-    log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, topics=None, imu_axes=None,
-    time_source=None
+    log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, start=None, topics=None,
+    imu_axes=None, time_source=None
 ))]
 // One argument each of the Python function.
 #[allow(clippy::too_many_arguments)]
@@ -70,6 +73,7 @@ pub(crate) fn run(
     overwrite: bool,
     time_offset_s: Option<&Bound<'_, PyAny>>,
     withhold: Option<&str>,
+    start: Option<&Bound<'_, PyMapping>>,
     topics: Option<BTreeMap<String, String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
@@ -99,6 +103,7 @@ pub(crate) fn run(
             ))
         })?;
     }
+    options.start = start.map(known_start::known_start).transpose()?;
     let job = Job {
         config,
         options,

@@ -4,8 +4,8 @@ Frames, units and signs: ``n`` is north-east-down, ``b`` is forward-right-down; 
 angles in degrees at this surface; heading is clockwise from true north.
 """
 
-from insnav._arrays import Arrays
+from insnav._arrays import Arrays, Start
 from insnav._errors import InsnavError, InsnavWarning
 from insnav._insnav import Solution, __version__, run
 
-__all__ = ["Arrays", "InsnavError", "InsnavWarning", "Solution", "__version__", "run"]
+__all__ = ["Arrays", "InsnavError", "InsnavWarning", "Solution", "Start", "__version__", "run"]

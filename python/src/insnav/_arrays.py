@@ -1,4 +1,4 @@
-"""The form of arrays in place of a log."""
+"""The form of arrays in place of a log, and of a start in place of one found in the data."""
 
 from __future__ import annotations
 
@@ -34,3 +34,36 @@ class Arrays(TypedDict, total=False):
     gnss_position: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
     gnss_velocity: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
     heading: tuple[ArrayLike, ArrayLike, ArrayLike]
+
+
+class _StartTime(TypedDict, total=False):
+    time_s: float
+
+
+class Start(_StartTime):
+    """A known state of the IMU for the ``start`` of :func:`insnav.run`: a simulation's, or the end of another run.
+
+    Biases start at zero with the standard deviations that the settings give the unit.
+
+    Attributes
+    ----------
+    time_s : float, optional
+        Instant, on the scale of the solution's ``time_s``. Absent: the first inertial sample.
+    latitude_deg_longitude_deg_height_m : (3,)
+        Position of the IMU, height above the ellipsoid.
+    velocity_n_m_per_s : (3,)
+        Velocity over ground.
+    roll_deg_pitch_deg_heading_deg : (3,)
+        Attitude of the forward-right-down axes, heading clockwise from true north.
+    sigma_position_n_m, sigma_velocity_n_m_per_s : (3,)
+        Standard deviations.
+    sigma_attitude_n_deg : (3,)
+        Standard deviations of the attitude as a small rotation about north, east and down.
+    """
+
+    latitude_deg_longitude_deg_height_m: ArrayLike
+    velocity_n_m_per_s: ArrayLike
+    roll_deg_pitch_deg_heading_deg: ArrayLike
+    sigma_position_n_m: ArrayLike
+    sigma_velocity_n_m_per_s: ArrayLike
+    sigma_attitude_n_deg: ArrayLike

@@ -5,7 +5,7 @@ from typing import Any, Final, Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from insnav._arrays import Arrays
+from insnav._arrays import Arrays, Start
 
 __all__ = ["Solution", "__version__", "run"]
 
@@ -21,6 +21,7 @@ def run(
     overwrite: bool = False,
     time_offset_s: float | Literal["auto"] | None = None,
     withhold: str | None = None,
+    start: Start | Mapping[str, Any] | None = None,
     topics: Mapping[str, str] | None = None,
     imu_axes: Literal["flu", "frd"] | None = None,
     time_source: Literal["header", "log", "publish"] | None = None,

@@ -50,6 +50,18 @@ pub enum RunError {
         /// Last position stamp, s.
         gnss_end: f64,
     },
+    /// A start that is known, at a time of which there are no inertial data.
+    #[error(
+        "the start is given for {time:.3} s, the inertial data reach from {imu_begin:.3} to {imu_end:.3} s"
+    )]
+    StartOutside {
+        /// The start as given, s after the run's zero.
+        time: f64,
+        /// First IMU stamp, s after the run's zero.
+        imu_begin: f64,
+        /// Last IMU stamp, s after the run's zero.
+        imu_end: f64,
+    },
     /// Nearly all inertial samples are not finite.
     #[error("{not_finite} of {samples} inertial samples have NaN or infinity in them")]
     ImuNotFinite {
@@ -79,6 +91,7 @@ impl RunError {
             RunError::NoGnss { .. } => "no_gnss_samples",
             RunError::AllWithheld { .. } => "all_withheld",
             RunError::NoOverlap { .. } => "no_overlap",
+            RunError::StartOutside { .. } => "start_outside",
         }
     }
 
@@ -107,6 +120,7 @@ impl RunError {
             RunError::NoOverlap { .. } => {
                 "the clocks differ: take the recorder's with `--time log`, or correct the stamps".into()
             }
+            RunError::StartOutside { .. } => "give its time in seconds from the first inertial sample on, or leave it out".into(),
             RunError::ImuNotFinite { .. } => "check the driver: the navigator cannot run without inertial data".into(),
         }
     }

@@ -9,7 +9,6 @@ use super::tally::{Tally, Totals};
 use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
-use insnav_core::navigator::Navigator;
 use insnav_core::sample::Sample;
 use std::time::Instant;
 
@@ -44,7 +43,7 @@ impl Plan {
         let withholding = self.withholding();
         let mut navigator = match from {
             Some(saved) => saved.navigator.clone(),
-            None => Navigator::new(&self.config, self.noise())?,
+            None => self.navigator()?,
         };
         if let Some(state) = from.and_then(|saved| saved.sink.as_ref()) {
             sink.resume(state);
@@ -60,6 +59,9 @@ impl Plan {
                     tally.totals.withheld += 1;
                     tally.sink().withheld(fix);
                 }
+                continue;
+            }
+            if self.is_before_start(&sample) {
                 continue;
             }
             navigator.step(&sample, &mut tally)?;

@@ -13,6 +13,7 @@
 mod clocks;
 mod error;
 mod execute;
+mod known_start;
 mod oddities;
 mod plan;
 mod report;
@@ -24,6 +25,7 @@ mod withhold;
 
 pub use clocks::Clocks;
 pub use error::RunError;
+pub use known_start::KnownStart;
 pub use plan::{Plan, RunOptions};
 pub use report::{
     AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, RunReport, StopReport,

@@ -2,6 +2,7 @@
 
 use super::RunError;
 use super::clocks::{Clocks, find_clocks};
+use super::known_start::KnownStart;
 use super::oddities::{lever_arm_unknown, looks_wrong};
 use super::report::Warning;
 use super::saved::SavedRun;
@@ -14,7 +15,9 @@ use insnav_core::config::{Config, NoiseConfig};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::Stop;
+use insnav_core::navigator::Navigator;
 use insnav_core::noise_floor::NoiseFloor;
+use insnav_core::sample::Sample;
 use insnav_core::time::Time;
 use std::time::Instant;
 
@@ -27,6 +30,8 @@ pub struct RunOptions {
     pub ignore_clocks: bool,
     /// Fixes to keep from the navigator.
     pub withhold: Withhold,
+    /// Begin at a known state instead of looking for one in the data. A later part of a drive has begun already.
+    pub start: Option<KnownStart>,
 }
 
 /// A run about to begin.
@@ -51,6 +56,7 @@ pub struct Plan {
     pub(super) epochs_before: Vec<Time>,
     /// The settings as they were given.
     pub(super) given: String,
+    start: Option<(Time, KnownStart)>,
     pub(super) planning_s: f64,
 }
 
@@ -101,6 +107,7 @@ impl Plan {
             withhold: options.withhold.clone(),
             epochs_before: Vec::new(),
             given,
+            start: None,
             planning_s: 0.0,
         };
         let withholding = plan.withholding();
@@ -112,6 +119,9 @@ impl Plan {
         if !options.ignore_clocks {
             let clocks = find_clocks(source, &plan, options.time_offset_auto)?;
             plan.take_clocks(clocks, options.time_offset_auto);
+        }
+        if let Some(start) = options.start {
+            plan.start = Some((plan.start_time(&start)?, start));
         }
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
@@ -137,6 +147,7 @@ impl Plan {
             withhold: options.withhold.clone(),
             epochs_before: saved.epochs.clone(),
             given: saved.given.clone(),
+            start: None,
             planning_s: begin.elapsed().as_secs_f64(),
         })
     }
@@ -144,6 +155,40 @@ impl Plan {
     /// The noise of the inertial unit.
     pub fn noise(&self) -> ImuNoise {
         self.config.noise.over(self.grade)
+    }
+
+    /// A navigator that has seen nothing yet.
+    ///
+    /// # Errors
+    /// `Config` for a setting outside its range.
+    pub(super) fn navigator(&self) -> Result<Navigator, RunError> {
+        let noise = self.noise();
+        Ok(match &self.start {
+            Some((time, start)) => start.navigator(&self.config, noise, *time)?,
+            None => Navigator::new(&self.config, noise)?,
+        })
+    }
+
+    /// Whether a fix lies before a known start, which has it inside already.
+    pub(super) fn is_before_start(&self, sample: &Sample) -> bool {
+        let begin = self.start.map(|(time, _)| time);
+        !sample.is_inertial() && begin.is_some_and(|begin| sample.time() < begin)
+    }
+
+    /// The instant of a known start, on the navigator's clock.
+    fn start_time(&self, start: &KnownStart) -> Result<Time, RunError> {
+        let offset = self.config.gnss.time_offset_s;
+        let (first, last) = self.survey.imu_span.ok_or(RunError::NoImu)?;
+        let (first, last) = (first.plus(offset), last.plus(offset));
+        let time = start.time_s.map_or(first, |s| self.origin.plus(s));
+        if time < first || time > last {
+            return Err(RunError::StartOutside {
+                time: time.since(self.origin),
+                imu_begin: first.since(self.origin),
+                imu_end: last.since(self.origin),
+            });
+        }
+        Ok(time)
     }
 
     /// Stops, by GNSS speed below 0.1 m/s, at the instants at which the velocities were valid.
