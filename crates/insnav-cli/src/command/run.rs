@@ -298,6 +298,7 @@ impl Run {
             time_offset_auto: self.time_offset == Some(TimeOffset::Auto),
             ignore_clocks: matches!(self.time_offset, Some(TimeOffset::Seconds(_))),
             withhold: self.withhold.clone().unwrap_or_default(),
+            start: None,
         }
     }
 
