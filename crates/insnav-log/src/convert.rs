@@ -1,16 +1,20 @@
 //! Between the common CSV, ROS 2 logs, and TUM trajectories.
 
+use crate::calendar::rfc3339;
 use crate::csv::{self, GnssTable, ImuTable};
 use crate::error::LogError;
 use crate::frames::FLU_FRD;
+use crate::gnss_file::{GnssFileOptions, GnssTrack};
 use crate::log::{ImuAxes, Log};
 use crate::log_writer::{LogWriter, LogWriterOptions};
+use crate::run::Warning;
 use crate::solution::SolutionTable;
 use crate::tum::Trajectory;
 use insnav_core::earth::Geodetic;
 use insnav_core::sample::{ImuSample, Sample};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Where `t_s` = 0 is put unless told otherwise: 2020-09-13 12:26:40 UTC, a round number that every tool takes for a date.
@@ -21,7 +25,7 @@ pub const DEFAULT_T0: Time = Time(1_600_000_000_000_000_000);
 pub struct CsvInputs {
     /// Inertial data.
     pub imu: PathBuf,
-    /// GNSS, if there is any.
+    /// GNSS, if there is any: a common CSV, an RTKLIB `.pos` or NMEA sentences.
     pub gnss: Option<PathBuf>,
 }
 
@@ -51,6 +55,10 @@ pub struct ConvertOptions {
     pub t0: Time,
     /// Axes of the inertial table. The log is written forward-left-up either way.
     pub axes: ImuAxes,
+    /// Height of the geoid above the ellipsoid, m: for GNSS files with heights above sea level that do not tell it.
+    pub geoid_height_m: f64,
+    /// An instant near the recording, for GNSS files that do not tell the date.
+    pub near: Option<Time>,
     /// How to write the log; its `t0` is set from here.
     pub writer: LogWriterOptions,
 }
@@ -60,13 +68,15 @@ impl Default for ConvertOptions {
         ConvertOptions {
             t0: DEFAULT_T0,
             axes: ImuAxes::Frd,
+            geoid_height_m: 0.0,
+            near: None,
             writer: LogWriterOptions::default(),
         }
     }
 }
 
 /// What was converted.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ConvertSummary {
     /// Inertial samples.
     pub imu: u64,
@@ -78,6 +88,10 @@ pub struct ConvertSummary {
     pub outputs: Vec<PathBuf>,
     /// Columns or topics that have no place in the output.
     pub ignored: Vec<String>,
+    /// Positions by the kind of fix, where the GNSS file names it.
+    pub quality: BTreeMap<&'static str, u64>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
 }
 
 /// Tables to a ROS 2 log, in order of time.
@@ -87,7 +101,15 @@ pub fn csv_to_mcap(
     options: &ConvertOptions,
 ) -> Result<ConvertSummary, LogError> {
     let imu = csv::read_imu(&inputs.imu)?;
-    let gnss = inputs.gnss.as_deref().map(csv::read_gnss).transpose()?;
+    let reading = GnssFileOptions {
+        t0: options.t0,
+        geoid_height_m: options.geoid_height_m,
+        near: options.near,
+    };
+    let gnss = inputs.gnss.as_deref();
+    let gnss = gnss
+        .map(|path| GnssTrack::read(path, &reading))
+        .transpose()?;
     let to_frd = match options.axes {
         ImuAxes::Frd => Matrix3::identity(),
         ImuAxes::Flu => FLU_FRD,
@@ -109,19 +131,14 @@ pub fn csv_to_mcap(
     if !imu.magnetic_field.is_empty() {
         summary.ignored.push("mx,my,mz".into());
     }
-    if let Some(gnss) = &gnss {
-        for row in 0..gnss.t_s.len() {
-            let position = gnss
-                .position_sample(row, options.t0)
-                .map(Sample::GnssPosition);
-            let velocity = gnss
-                .velocity_sample(row, options.t0)
-                .map(Sample::GnssVelocity);
-            summary.gnss_position += u64::from(position.is_some());
-            summary.gnss_velocity += u64::from(velocity.is_some());
-            samples.extend(position);
-            samples.extend(velocity);
-        }
+    if let Some(gnss) = gnss {
+        summary.gnss_position = gnss.positions.len() as u64;
+        summary.gnss_velocity = gnss.velocities.len() as u64;
+        summary.quality.clone_from(&gnss.quality);
+        summary.warnings.clone_from(&gnss.warnings);
+        summary.warnings.extend(apart(&samples, &gnss, inputs));
+        samples.extend(gnss.positions.into_iter().map(Sample::GnssPosition));
+        samples.extend(gnss.velocities.into_iter().map(Sample::GnssVelocity));
     }
     // Stable: a position stays before the velocity of the same instant.
     samples.sort_by_key(Sample::time);
@@ -137,6 +154,30 @@ pub fn csv_to_mcap(
     }
     writer.finish()?;
     Ok(summary)
+}
+
+/// Inertial data and fixes that have no time in common: dated fixes call for the date of the inertial data.
+fn apart(imu: &[Sample], gnss: &GnssTrack, inputs: &CsvInputs) -> Option<Warning> {
+    let range = |times: &mut dyn Iterator<Item = Time>| {
+        times.fold(None, |range: Option<(Time, Time)>, t| {
+            Some(range.map_or((t, t), |(a, b)| (a.min(t), b.max(t))))
+        })
+    };
+    let (imu_begin, imu_end) = range(&mut imu.iter().map(Sample::time))?;
+    let (gnss_begin, gnss_end) = range(&mut gnss.positions.iter().map(|p| p.time))?;
+    (gnss_end < imu_begin || imu_end < gnss_begin).then(|| Warning {
+        code: "no_overlap",
+        message: format!(
+            "{} lasts from {} to {}, {} from {} to {}: they have no time in common",
+            inputs.imu.display(),
+            rfc3339(imu_begin),
+            rfc3339(imu_end),
+            inputs.gnss.as_deref().unwrap_or(Path::new("")).display(),
+            rfc3339(gnss_begin),
+            rfc3339(gnss_end)
+        ),
+        remedy: "say with `--t0` which Unix time (UTC) the zero of the inertial table is; `--t0 0` if its times are Unix times already".into(),
+    })
 }
 
 /// A ROS 2 log to `imu.csv.gz` and, if it has GNSS, `gnss.csv.gz` in a folder; forward-right-down, `t_s` from the log's zero.

@@ -209,6 +209,20 @@ pub enum LogError {
         /// The header line.
         header: String,
     },
+    /// A file of a receiver without a position.
+    #[error("{}: no positions: {reason}", path.display())]
+    NoFixes {
+        /// The path as given.
+        path: PathBuf,
+        /// What is there instead.
+        reason: String,
+    },
+    /// Sentences with the time of day only.
+    #[error("{}: the sentences tell the time of day, but none of them the date", path.display())]
+    NoDate {
+        /// The path as given.
+        path: PathBuf,
+    },
     /// A file that holds no solution.
     #[error("{}: not a solution: {reason}", path.display())]
     NotASolution {
@@ -283,6 +297,8 @@ impl LogError {
             LogError::OutputIsTerminal => "output_is_terminal",
             LogError::Cell { .. } => "bad_cell",
             LogError::MissingColumn { .. } => "missing_column",
+            LogError::NoFixes { .. } => "no_fixes",
+            LogError::NoDate { .. } => "no_date",
             LogError::NotASolution { .. } => "not_a_solution",
             LogError::Unwritable { .. } => "unwritable_sample",
             LogError::Option { .. } => "bad_option",
@@ -340,6 +356,10 @@ impl LogError {
             LogError::Cell { .. } => "write numbers with a decimal point, and nan where a value is not known".into(),
             LogError::MissingColumn { .. } => {
                 "the first line of a CSV names its columns, such as t_s,lat_deg,lon_deg,h_m".into()
+            }
+            LogError::NoFixes { .. } => "record GGA (or GNS), RMC and GST sentences".into(),
+            LogError::NoDate { .. } => {
+                "record RMC or ZDA sentences too, or say with `--t0` when the recording began".into()
             }
             LogError::NotASolution { .. } => "give an MCAP written by `insnav run`, a CSV with t_s, or a TUM file".into(),
             LogError::Unwritable { .. } => "leave these samples out".into(),

@@ -7,8 +7,10 @@
 //! [`wire`] (with [`cdr`] for ROS 2) reads them by that description, [`Samples`]
 //! turns them into SI and forward-right-down, [`McapSink`] writes the solution, [`SolutionTable`] reads it back.
 //! [`Plan`] is the main job from a log to a solution, whoever asks for it.
-//! [`csv`] and [`tum`] read and write text tables, [`convert`] goes between them and MCAP.
+//! [`csv`] and [`tum`] read and write text tables, [`GnssTrack`] reads what receivers write, [`export`] writes solutions for
+//! maps and spreadsheets, [`mod@convert`] goes between tables and MCAP.
 
+mod calendar;
 pub mod cdr;
 mod compared;
 mod config_file;
@@ -18,7 +20,9 @@ pub mod convert;
 pub mod csv;
 mod device;
 mod error;
+mod export;
 mod frames;
+mod gnss_file;
 mod imu_units;
 mod log;
 mod log_writer;
@@ -44,6 +48,8 @@ pub use compared::{ComparedReference, ComparedSolution};
 pub use config_file::{ConfigError, config_text, load_config, parse_config};
 pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;
+pub use export::{ExportFormat, export};
+pub use gnss_file::{GnssFileOptions, GnssFormat, GnssTrack};
 pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
 pub use log_writer::{LogWriter, LogWriterOptions};

@@ -119,22 +119,54 @@ impl SolutionTable {
         }
     }
 
+    /// The epochs of a solution in an MCAP in blocks of some thousand, in order: for solutions longer than memory. Metadata
+    /// are in every block, updates and withheld fixes in none.
+    pub(crate) fn each_block(
+        log: &Log,
+        mut each: impl FnMut(&SolutionTable) -> Result<(), LogError>,
+    ) -> Result<(), LogError> {
+        const BLOCK: usize = 4096;
+        let state = topic(log, "/insnav/state").ok_or_else(|| LogError::NotASolution {
+            path: log.path().into(),
+            reason: "no topic /insnav/state".into(),
+        })?;
+        let empty = || SolutionTable {
+            has_velocity: true,
+            has_attitude: true,
+            metadata: log.metadata(METADATA_NAME).cloned().unwrap_or_default(),
+            ..SolutionTable::default()
+        };
+        let mut block = empty();
+        let mut messages = log.messages(&[state]);
+        while let Some(message) = messages.next() {
+            let message = message?;
+            let row =
+                State::decode(message.data).map_err(|e| log.undecodable(state, &message, e))?;
+            block.push(&row);
+            if block.len() == BLOCK {
+                each(&block)?;
+                block = empty();
+            }
+        }
+        if block.is_empty() {
+            Ok(())
+        } else {
+            each(&block)
+        }
+    }
+
     fn from_mcap(log: &Log) -> Result<Self, LogError> {
-        let topic = |name: &str| {
-            log.topics()
-                .iter()
-                .position(|topic| topic.name == name && topic.encoding == "cdr")
+        let topic = |name: &str| topic(log, name);
+        let mut table = SolutionTable {
+            has_velocity: true,
+            has_attitude: true,
+            ..SolutionTable::default()
         };
         let Some(state) = topic("/insnav/state") else {
             return Err(LogError::NotASolution {
                 path: log.path().into(),
                 reason: "no topic /insnav/state".into(),
             });
-        };
-        let mut table = SolutionTable {
-            has_velocity: true,
-            has_attitude: true,
-            ..SolutionTable::default()
         };
         let mut messages = log.messages(&[state]);
         while let Some(message) = messages.next() {
@@ -392,6 +424,13 @@ impl SolutionTable {
             .and_then(|text| parse_triple(text))
             .map(Vector3::from)
     }
+}
+
+/// The first topic of this name that can be read.
+fn topic(log: &Log, name: &str) -> Option<usize> {
+    log.topics()
+        .iter()
+        .position(|topic| topic.name == name && topic.encoding == "cdr")
 }
 
 impl UpdateRow {

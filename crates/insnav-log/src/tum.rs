@@ -10,6 +10,7 @@ use crate::solution::SolutionTable;
 use insnav_core::earth::{Geodetic, LocalFrame};
 use insnav_core::time::Time;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use std::io::{self, Write};
 use std::path::Path;
 
 /// A trajectory in a map.
@@ -95,19 +96,21 @@ impl Trajectory {
 
     /// Write a TUM file. Times are exact to the nanosecond.
     pub fn write(&self, path: &Path, force: bool) -> Result<(), LogError> {
-        write_text(path, force, |out| {
-            for ((time, p), q) in self.time.iter().zip(&self.position).zip(&self.orientation) {
-                let (sign, nanos) = (if time.0 < 0 { "-" } else { "" }, time.0.unsigned_abs());
-                let (seconds, nanos) = (nanos / 1_000_000_000, nanos % 1_000_000_000);
-                write!(
-                    out,
-                    "{sign}{seconds}.{nanos:09} {:.6} {:.6} {:.6}",
-                    p.x, p.y, p.z
-                )?;
-                writeln!(out, " {:.12} {:.12} {:.12} {:.12}", q.i, q.j, q.k, q.w)?;
-            }
-            Ok(())
-        })
+        write_text(path, force, |out| self.write_poses(out))
+    }
+
+    pub(crate) fn write_poses(&self, out: &mut dyn Write) -> io::Result<()> {
+        for ((time, p), q) in self.time.iter().zip(&self.position).zip(&self.orientation) {
+            let (sign, nanos) = (if time.0 < 0 { "-" } else { "" }, time.0.unsigned_abs());
+            let (seconds, nanos) = (nanos / 1_000_000_000, nanos % 1_000_000_000);
+            write!(
+                out,
+                "{sign}{seconds}.{nanos:09} {:.6} {:.6} {:.6}",
+                p.x, p.y, p.z
+            )?;
+            writeln!(out, " {:.12} {:.12} {:.12} {:.12}", q.i, q.j, q.k, q.w)?;
+        }
+        Ok(())
     }
 }
 

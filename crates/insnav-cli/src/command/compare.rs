@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 /// Judge a solution by a reference: errors by component, at stops, where fixes were withheld, and against the stated sigmas
 ///
 /// Both may be an MCAP of `run`, a common CSV (gzip or not; any subset of t_s, lat_deg, lon_deg, h_m, vn, ve, vd, roll_deg,
-/// pitch_deg, yaw_deg or heading_deg, qw, qx, qy, qz, and sigmas) or a TUM trajectory; or both are folders, whose files are
-/// paired by name. The solution is interpolated to the reference, never extrapolated; for a reference of GNSS fixes it is
+/// pitch_deg, yaw_deg or heading_deg, qw, qx, qy, qz, and sigmas) or a TUM trajectory, the reference also RTKLIB's .pos or NMEA
+/// sentences; or both are folders, whose files are paired by name. The solution is interpolated to the reference, never extrapolated; for a reference of GNSS fixes it is
 /// moved to the antenna. NEES is the mean of e'P⁻¹e per degree of freedom: 1 when the stated uncertainty is right.
 #[derive(Args, Debug)]
 pub(crate) struct Compare {
@@ -274,7 +274,11 @@ impl Compare {
             solution: solution_path,
             reference: reference_path,
             reference_at_antenna: reference.at_antenna,
-            warnings: doubts(&solution_name, &comparison),
+            warnings: reference
+                .warnings
+                .into_iter()
+                .chain(doubts(&solution_name, &comparison))
+                .collect(),
             comparison,
             max: Vec::new(),
         };

@@ -9,19 +9,20 @@ use clap::Args;
 use insnav_core::config::Config;
 use insnav_core::time::Time;
 use insnav_log::convert::{
-    ConvertOptions, CsvInputs, csv_to_mcap, is_solution, mcap_to_csv, solution_to_csv,
-    solution_to_tum,
+    ConvertOptions, CsvInputs, DEFAULT_T0, csv_to_mcap, is_solution, mcap_to_csv,
 };
-use insnav_log::{ImuAxes, Log, LogWriterOptions, check_output};
+use insnav_log::{ExportFormat, ImuAxes, Log, LogWriterOptions, Warning, check_output, export};
 use nalgebra::Vector3;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Convert: common CSV to a log, a log to common CSV, a solution to a TUM trajectory or CSV
+/// Convert: common CSV to a log, a log to common CSV, a solution to CSV, TUM, KML or GeoJSON
 ///
 /// What is meant follows from the input and the ending of the output: a folder with imu.csv (and gnss.csv), or an imu.csv
-/// itself, becomes a log OUT.mcap; a log becomes a folder OUT with imu.csv.gz and gnss.csv.gz; a solution becomes OUT.tum or
-/// OUT.csv.
+/// itself, becomes a log OUT.mcap; a log becomes a folder OUT with imu.csv.gz and gnss.csv.gz; a solution becomes OUT.csv or
+/// OUT.tum with every epoch, or OUT.kml or OUT.geojson with five points a second. Heights are above the ellipsoid; KML, whose
+/// heights would be above the sea, is laid on the ground.
 #[derive(Args, Debug)]
 pub(crate) struct Convert {
     /// A folder of common CSV, an imu.csv, a log, or a solution
@@ -31,7 +32,8 @@ pub(crate) struct Convert {
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
 
-    /// The gnss.csv, when the input is an imu.csv
+    /// Fixes, instead of a gnss.csv beside the imu.csv: another gnss.csv, RTKLIB's FILE.pos (any of its times and positions, GPS
+    /// time becomes UTC), or NMEA sentences
     #[arg(long, value_name = "FILE")]
     gnss: Option<PathBuf>,
 
@@ -39,15 +41,9 @@ pub(crate) struct Convert {
     #[arg(long, value_enum, default_value = "frd", value_name = "AXES")]
     axes: Axes,
 
-    /// Unix time of t_s = 0 in the CSV, s
-    #[arg(
-        long,
-        value_name = "UNIX_S",
-        default_value = "1600000000",
-        value_parser = unix_time,
-        allow_hyphen_values = true
-    )]
-    t0: f64,
+    /// Unix time (UTC) of t_s = 0 in the CSV, s; 0 when its times are Unix times already [default: 1600000000]
+    #[arg(long, value_name = "UNIX_S", value_parser = unix_time, allow_hyphen_values = true)]
+    t0: Option<f64>,
 
     /// Antenna from the IMU, forward,right,down in metres, to be written into the log as a static transform
     #[arg(long, value_name = "F,R,D", value_parser = vector, allow_hyphen_values = true)]
@@ -95,6 +91,8 @@ struct Converted {
     gnss_velocities: Option<u64>,
     epochs: Option<usize>,
     ignored: Vec<String>,
+    gnss_quality: BTreeMap<&'static str, u64>,
+    warnings: Vec<Warning>,
 }
 
 impl Convert {
@@ -105,13 +103,14 @@ impl Convert {
         }
         let converted = {
             let _progress = Progress::new(&format!("converting {}", self.input.display()), None);
-            self.convert(output)?
+            self.convert()?
         };
+        output.warnings(&converted.warnings);
         output.result(&converted, || summary(&converted));
         Ok(0)
     }
 
-    fn convert(&self, output: &Output) -> Result<Converted, Failure> {
+    fn convert(&self) -> Result<Converted, Failure> {
         let ending = ending(&self.output);
         if self.input.is_dir() || matches!(self::ending(&self.input).as_str(), "csv") {
             if ending != "mcap" {
@@ -127,21 +126,18 @@ impl Convert {
             ..Converted::default()
         };
         let log = Log::open(&self.input, self.reading.options(&Config::default()))?;
-        output.warnings(log.recovery_warning().as_slice());
+        converted.warnings.extend(log.recovery_warning());
         if is_solution(&log) {
-            converted.epochs = Some(match ending.as_str() {
-                "tum" => solution_to_tum(&self.input, &self.output, self.force)?,
-                "csv" => solution_to_csv(&self.input, &self.output, self.force)?,
-                _ => {
-                    return Err(Failure::usage(
-                        format!(
-                            "{}: a solution is converted to a TUM trajectory or to CSV",
-                            self.output.display()
-                        ),
-                        "give the output the ending .tum, .csv or .csv.gz",
-                    ));
-                }
-            });
+            let Some(format) = ExportFormat::from_name(&ending) else {
+                return Err(Failure::usage(
+                    format!(
+                        "{}: a solution is converted to CSV, TUM, KML or GeoJSON",
+                        self.output.display()
+                    ),
+                    "give the output the ending .csv, .csv.gz, .tum, .kml or .geojson",
+                ));
+            };
+            converted.epochs = Some(export(&log, &self.output, format, self.force)?);
             converted.outputs.push(self.output.clone());
             return Ok(converted);
         }
@@ -177,7 +173,9 @@ impl Convert {
             inputs.gnss.clone_from(&self.gnss);
         }
         let options = ConvertOptions {
-            t0: Time::from_seconds(self.t0),
+            t0: self.t0.map_or(DEFAULT_T0, Time::from_seconds),
+            near: self.t0.map(Time::from_seconds),
+            geoid_height_m: self.reading.options(&Config::default()).geoid_height_m,
             axes: match self.axes {
                 Axes::Frd => ImuAxes::Frd,
                 Axes::Flu => ImuAxes::Flu,
@@ -197,6 +195,8 @@ impl Convert {
             gnss_velocities: Some(summary.gnss_velocity),
             epochs: None,
             ignored: summary.ignored,
+            gnss_quality: summary.quality,
+            warnings: summary.warnings,
         })
     }
 }
@@ -221,6 +221,13 @@ fn summary(c: &Converted) -> String {
     if let (Some(imu), Some(p), Some(v)) = (c.imu_samples, c.gnss_positions, c.gnss_velocities) {
         text.push_str(&format!(
             "  {imu} inertial samples, {p} positions, {v} velocities\n"
+        ));
+    }
+    if !c.gnss_quality.is_empty() {
+        let kinds = c.gnss_quality.iter().map(|(kind, n)| format!("{n} {kind}"));
+        text.push_str(&format!(
+            "  fixes: {}\n",
+            kinds.collect::<Vec<_>>().join(", ")
         ));
     }
     if let Some(epochs) = c.epochs {

@@ -10,8 +10,8 @@ use crate::text;
 use clap::Args;
 use insnav_core::config::Config;
 use insnav_log::{
-    Log, McapSink, Plan, RunOptions, RunReport, SavedRun, Source, Withhold, check_output,
-    config_text, is_standard_stream,
+    ExportFormat, Log, McapSink, Plan, ReadOptions, RunOptions, RunReport, SavedRun, Source,
+    Withhold, check_output, config_text, export, is_standard_stream,
 };
 use serde::Serialize;
 use std::io::IsTerminal;
@@ -78,6 +78,11 @@ pub(crate) struct Run {
     #[arg(long)]
     print_config: bool,
 
+    /// Write the solution in other formats too, beside the output under its name: csv, tum, kml, geojson (repeatable, or a list
+    /// with commas)
+    #[arg(long, value_name = "FORMAT", value_parser = export_format, value_delimiter = ',')]
+    also: Vec<ExportFormat>,
+
     /// End with code 3 when there are warnings about the data
     #[arg(long)]
     strict: bool,
@@ -102,6 +107,15 @@ fn time_offset(text: &str) -> Result<TimeOffset, String> {
     }
 }
 
+fn export_format(text: &str) -> Result<ExportFormat, String> {
+    ExportFormat::from_name(text).ok_or_else(|| {
+        format!(
+            "known are {}",
+            ExportFormat::ALL.map(ExportFormat::name).join(", ")
+        )
+    })
+}
+
 fn rate(text: &str) -> Result<Rate, String> {
     if text == "imu" {
         return Ok(Rate(0.0));
@@ -117,6 +131,8 @@ fn rate(text: &str) -> Result<Rate, String> {
 pub(crate) struct Outcome {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
+    /// What was written besides, by `--also`.
+    pub(crate) also: Vec<PathBuf>,
     #[serde(flatten)]
     pub(crate) report: RunReport,
 }
@@ -218,6 +234,12 @@ impl Run {
                 "send a log into it: `insnav run - -o out.mcap < drive.mcap`",
             ));
         }
+        if !self.also.is_empty() && jobs.iter().any(|job| is_standard_stream(&job.output)) {
+            return Err(Failure::usage(
+                "--also writes beside the output, and standard output has no place",
+                "name the output with -o",
+            ));
+        }
         if jobs.len() > 1 && (self.save_state.is_some() || self.resume.is_some()) {
             return Err(Failure::usage(
                 "--save-state and --resume are for one log at a time",
@@ -281,6 +303,16 @@ impl Run {
     fn check_job(&self, job: &Job) -> Result<(), Failure> {
         not_the_input(&job.input, &job.output)?;
         check_output(&job.output, self.force)?;
+        for (_, path) in self.also_paths(job) {
+            not_the_input(&job.input, &path)?;
+            if path == job.output {
+                return Err(Failure::usage(
+                    format!("{}: --also would write over the solution", path.display()),
+                    "give the solution the ending .mcap",
+                ));
+            }
+            check_output(&path, self.force)?;
+        }
         if let Some(path) = &self.save_state {
             not_the_input(&job.input, path)?;
             check_output(path, self.may_replace_state(path))?;
@@ -327,14 +359,39 @@ impl Run {
         let keep = self.save_state.is_some();
         let (report, state) = plan.execute_part(source, &mut sink, saved.as_ref(), keep)?;
         sink.finish()?;
+        let also = self.export(job)?;
         if let (Some(path), Some(state)) = (&self.save_state, state) {
             state.write(path, self.may_replace_state(path))?;
         }
         Ok(Outcome {
             input: job.input.clone(),
             output: job.output.clone(),
+            also,
             report,
         })
+    }
+
+    /// The other files that `--also` asks for.
+    fn also_paths<'a>(
+        &'a self,
+        job: &'a Job,
+    ) -> impl Iterator<Item = (ExportFormat, PathBuf)> + 'a {
+        let beside = |format: &ExportFormat| (*format, job.output.with_extension(format.name()));
+        self.also.iter().map(beside)
+    }
+
+    fn export(&self, job: &Job) -> Result<Vec<PathBuf>, Failure> {
+        if self.also.is_empty() {
+            return Ok(Vec::new());
+        }
+        // From the file, in blocks: a solution of ten hours is not kept in memory.
+        let solution = Log::open(&job.output, ReadOptions::default())?;
+        self.also_paths(job)
+            .map(|(format, path)| {
+                export(&solution, &path, format, self.force)?;
+                Ok(path)
+            })
+            .collect()
     }
 
     fn print_config(&self, jobs: &[Job], config: &Config, output: &Output) -> Result<u8, Failure> {
@@ -381,6 +438,7 @@ pub(super) fn execute(
     Ok(Outcome {
         input: job.input.clone(),
         output: job.output.clone(),
+        also: Vec::new(),
         report,
     })
 }

@@ -13,6 +13,9 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
         outcome.input.display(),
         outcome.output.display()
     );
+    for path in &outcome.also {
+        text.push_str(&format!("  also → {}\n", path.display()));
+    }
     let mut add = |label, line: String| text.push_str(&entry(label, &line));
     add("drive", drive(r));
     add("imu", imu(r));

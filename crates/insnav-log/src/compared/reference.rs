@@ -3,6 +3,8 @@
 use super::{ComparedSolution, is_mcap, is_tum};
 use crate::LogError;
 use crate::csv::Table;
+use crate::gnss_file::{GnssFileOptions, GnssFormat, GnssTrack};
+use crate::run::Warning;
 use insnav_core::attitude::wrap_angle;
 use insnav_core::earth::Geodetic;
 use insnav_core::metrics::{AttitudeReference, ReferencePoint, to_enu_flu};
@@ -17,10 +19,12 @@ pub struct ComparedReference {
     pub points: Vec<ReferencePoint>,
     /// Whether they are of the GNSS antenna: a CSV with positions and no attitude is the receiver's.
     pub at_antenna: bool,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
 }
 
 impl ComparedReference {
-    /// Read a common CSV (any subset of columns), a TUM trajectory around the solution's map origin, or another solution.
+    /// Read a common CSV (any subset of columns), an RTKLIB `.pos`, NMEA sentences, a TUM trajectory around the solution's map origin, or another solution.
     /// Seconds of a CSV count from the solution's origin.
     pub fn read(path: &Path, solution: &ComparedSolution) -> Result<Self, LogError> {
         if is_mcap(path)? || is_tum(path)? {
@@ -28,7 +32,15 @@ impl ComparedReference {
             return Ok(ComparedReference {
                 points: of_solution(&other),
                 at_antenna: false,
+                warnings: Vec::new(),
             });
+        }
+        if GnssFormat::of(path)? != GnssFormat::Csv {
+            let options = GnssFileOptions {
+                near: solution.track.points().first().map(|p| p.time),
+                ..GnssFileOptions::default()
+            };
+            return Ok(of_receiver(GnssTrack::read(path, &options)?));
         }
         from_csv(&Table::read(path)?, solution.origin)
     }
@@ -40,6 +52,38 @@ impl ComparedReference {
             point.time = point.time.plus(seconds);
         }
         self
+    }
+}
+
+fn of_receiver(track: GnssTrack) -> ComparedReference {
+    let mut points: Vec<ReferencePoint> = track
+        .positions
+        .iter()
+        .map(|fix| ReferencePoint {
+            time: fix.time,
+            position: Some(fix.position),
+            position_sigma_n: fix
+                .covariance_n
+                .map(|p| p.diagonal().map(f64::sqrt))
+                .unwrap_or_default(),
+            ..ReferencePoint::default()
+        })
+        .collect();
+    points.sort_by_key(|p| p.time);
+    for velocity in &track.velocities {
+        // Velocities without a position of their own say too little to be worth a point.
+        if let Ok(at) = points.binary_search_by_key(&velocity.time, |p| p.time) {
+            points[at].velocity_n = Some(velocity.velocity_n);
+            points[at].velocity_sigma_n = velocity
+                .covariance_n
+                .map(|p| p.diagonal().map(f64::sqrt))
+                .unwrap_or_default();
+        }
+    }
+    ComparedReference {
+        points,
+        at_antenna: true,
+        warnings: track.warnings,
     }
 }
 
@@ -144,6 +188,7 @@ fn from_csv(table: &Table, origin: Time) -> Result<ComparedReference, LogError> 
     Ok(ComparedReference {
         points,
         at_antenna: has_place && !has_angles && !has_quaternion,
+        warnings: Vec::new(),
     })
 }
 

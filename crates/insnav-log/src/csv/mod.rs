@@ -13,5 +13,7 @@ pub use tables::{
     GnssTable, ImuTable, QuaternionTable, SpeedTable, TruthTable, read_gnss, read_imu, read_speed,
     read_truth, read_truth_quat,
 };
-pub(crate) use write::write as write_text;
+pub(crate) use write::{
+    SOLUTION_HEADER, not_writable, write as write_text, write_epochs, write_or as write_text_or,
+};
 pub use write::{write_gnss, write_imu, write_solution, write_truth};

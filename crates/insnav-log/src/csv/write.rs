@@ -75,42 +75,8 @@ pub fn write_solution(
     force: bool,
 ) -> Result<(), LogError> {
     write(path, force, |out| {
-        writeln!(
-            out,
-            "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg,sn,se,sd,svn,sve,svd,\
-             sigma_rotation_north_deg,sigma_rotation_east_deg,sigma_heading_deg"
-        )?;
-        for i in 0..solution.len() {
-            let at = solution.position[i];
-            let v = solution.velocity_n[i];
-            let e = Euler::from_quaternion(&solution.q_nb[i]);
-            let t = solution.time[i].since(t0);
-            write!(
-                out,
-                "{t:.9},{:.11},{:.11},{:.4}",
-                at.latitude_deg(),
-                at.longitude_deg(),
-                at.height
-            )?;
-            write!(out, ",{:.5},{:.5},{:.5}", v.x, v.y, v.z)?;
-            write!(
-                out,
-                ",{:.6},{:.6},{:.6}",
-                e.roll.to_degrees(),
-                e.pitch.to_degrees(),
-                e.heading_deg()
-            )?;
-            let attitude = solution.attitude_sigma_n[i].map(f64::to_degrees);
-            for v in [
-                solution.position_sigma_n[i],
-                solution.velocity_sigma_n[i],
-                attitude,
-            ] {
-                write!(out, ",{},{},{}", Cell(v.x), Cell(v.y), Cell(v.z))?;
-            }
-            writeln!(out)?;
-        }
-        Ok(())
+        writeln!(out, "{SOLUTION_HEADER}")?;
+        write_epochs(out, solution, t0)
     })
 }
 
@@ -146,6 +112,47 @@ pub fn write_truth(
     })
 }
 
+pub(crate) const SOLUTION_HEADER: &str = "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg,sn,se,sd,svn,sve,svd,\
+     sigma_rotation_north_deg,sigma_rotation_east_deg,sigma_heading_deg";
+
+pub(crate) fn write_epochs(
+    out: &mut dyn Write,
+    solution: &SolutionTable,
+    t0: Time,
+) -> io::Result<()> {
+    for i in 0..solution.len() {
+        let at = solution.position[i];
+        let v = solution.velocity_n[i];
+        let e = Euler::from_quaternion(&solution.q_nb[i]);
+        let t = solution.time[i].since(t0);
+        write!(
+            out,
+            "{t:.9},{:.11},{:.11},{:.4}",
+            at.latitude_deg(),
+            at.longitude_deg(),
+            at.height
+        )?;
+        write!(out, ",{:.5},{:.5},{:.5}", v.x, v.y, v.z)?;
+        write!(
+            out,
+            ",{:.6},{:.6},{:.6}",
+            e.roll.to_degrees(),
+            e.pitch.to_degrees(),
+            e.heading_deg()
+        )?;
+        let attitude = solution.attitude_sigma_n[i].map(f64::to_degrees);
+        for v in [
+            solution.position_sigma_n[i],
+            solution.velocity_sigma_n[i],
+            attitude,
+        ] {
+            write!(out, ",{},{},{}", Cell(v.x), Cell(v.y), Cell(v.z))?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
 /// A number as shortest text that reads back the same; NaN in lower case, as other programs write it.
 struct Cell(f64);
 
@@ -164,16 +171,31 @@ pub(crate) fn write(
     force: bool,
     rows: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), LogError> {
+    write_or(path, force, |out| {
+        rows(out).map_err(|source| not_writable(path, source))
+    })
+}
+
+/// As [`write()`], for rows that may fail in other ways than by writing.
+pub(crate) fn write_or(
+    path: &Path,
+    force: bool,
+    rows: impl FnOnce(&mut dyn Write) -> Result<(), LogError>,
+) -> Result<(), LogError> {
     let mut file = OutputFile::create(path, force)?;
-    let written = if path.extension().is_some_and(|extension| extension == "gz") {
+    if path.extension().is_some_and(|extension| extension == "gz") {
         let mut zip = GzEncoder::new(&mut file, Compression::default());
-        rows(&mut zip).and_then(|()| zip.finish().map(drop))
+        rows(&mut zip)?;
+        zip.finish().map_err(|source| not_writable(path, source))?;
     } else {
-        rows(&mut file)
-    };
-    written.map_err(|source| LogError::OutputNotWritable {
+        rows(&mut file)?;
+    }
+    file.commit().map(drop)
+}
+
+pub(crate) fn not_writable(path: &Path, source: io::Error) -> LogError {
+    LogError::OutputNotWritable {
         path: path.into(),
         source,
-    })?;
-    file.commit().map(drop)
+    }
 }
