@@ -6,7 +6,7 @@
 
 use insnav::attitude::exp;
 use insnav::config::Config;
-use insnav::filter::{Gate, InitialSigma, Layout, Nominal, Update};
+use insnav::filter::{Calibration, Gate, InitialSigma, Layout, Nominal, Update};
 use insnav::imu::{ImuErrors, ImuNoise};
 use insnav::mechanization::NavState;
 use insnav::navigator::Navigator;
@@ -113,7 +113,9 @@ impl Sink for Nees<'_> {
         let nominal = |nav: NavState, imu_errors: ImuErrors| Nominal {
             nav,
             rate_b: Vector3::zeros(),
+            acceleration_n: Vector3::zeros(),
             imu_errors,
+            calibration: Calibration::default(),
         };
         let layout = Layout::default();
         let dx = nominal(epoch.nav, epoch.imu_errors)

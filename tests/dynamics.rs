@@ -9,8 +9,8 @@ use insnav::attitude::{exp, skew};
 use insnav::config::GnssConfig;
 use insnav::earth::{Geodetic, LocalEarth};
 use insnav::filter::{
-    BASE, CAPACITY, Columns, Eskf, InitialSigma, Layout, Measurement, Nominal, States, Transition,
-    fill_base,
+    BASE, CAPACITY, Calibration, Columns, Eskf, InitialSigma, Layout, Measurement, Nominal, States,
+    Transition, fill_base,
 };
 use insnav::imu::{ImuErrors, ImuGrade, ImuNoise};
 use insnav::measurement::{
@@ -59,7 +59,10 @@ fn random_nominal(source: &mut Source) -> Nominal {
         imu_errors: ImuErrors {
             gyro_bias: source.normal3() * 0.01,
             accel_bias: source.normal3() * 0.3,
+            ..ImuErrors::default()
         },
+        acceleration_n: source.normal3() * 2.0,
+        calibration: Calibration::default(),
     }
 }
 
@@ -120,9 +123,7 @@ impl Case {
     /// (Φ − I)/dt as the covariance is moved.
     fn analytic(&self, dt: f64) -> SMatrix<f64, BASE, BASE> {
         let errors = &self.nominal.imu_errors;
-        let increment = self
-            .increment(dt)
-            .corrected(&errors.gyro_bias, &errors.accel_bias);
+        let increment = self.increment(dt).corrected(errors);
         let interval = self.nominal.nav.clone().advance(&increment);
         let mut phi = Transition::default();
         fill_base(&mut phi, &Layout::default(), &interval, &self.noise);

@@ -33,7 +33,7 @@ impl Config {
         let Config {
             imu,
             gnss,
-            vehicle: _,
+            vehicle,
             noise,
             alignment,
             output,
@@ -70,8 +70,24 @@ impl Config {
         )?;
         positive("gnss.sigma_scale", Some(gnss.sigma_scale))?;
         not_negative("gnss.correlation_time_s", gnss.correlation_time_s)?;
+        positive("imu.gyro_scale_sigma_ppm", imu.gyro_scale_sigma_ppm)?;
+        positive("imu.accel_scale_sigma_ppm", imu.accel_scale_sigma_ppm)?;
+        positive("gnss.colour.sigma_m", gnss.colour.map(|c| c.sigma_m))?;
+        positive("gnss.colour.tau_s", gnss.colour.map(|c| c.tau_s))?;
+        positive("gnss.lever_arm_sigma_m", gnss.lever_arm_sigma_m)?;
+        positive("gnss.time_offset_sigma_s", gnss.time_offset_sigma_s)?;
         within("gnss.time_offset_s", gnss.time_offset_s)?;
         within("gnss.velocity_lag_s", gnss.velocity_lag_s)?;
+        positive(
+            "vehicle.nonholonomic_sigma_m_per_s",
+            Some(vehicle.nonholonomic_sigma_m_per_s),
+        )?;
+        finite("vehicle.axle_b_m", vehicle.axle_b_m.unwrap_or_default())?;
+        positive("vehicle.axle_sigma_m", Some(vehicle.axle_sigma_m))?;
+        positive(
+            "vehicle.mounting_sigma_deg",
+            Some(vehicle.mounting_sigma_deg),
+        )?;
         positive(
             "noise.gyro_arw_deg_per_sqrt_hour",
             noise.gyro_arw_deg_per_sqrt_hour,
@@ -122,6 +138,10 @@ pub struct ImuConfig {
     pub grade: Option<ImuGrade>,
     /// Roll, pitch, yaw of the unit's axes against the vehicle's (forward-right-down), degrees, 3-2-1.
     pub mounting_rpy_deg: [f64; 3],
+    /// Estimate constant scale factor errors of the gyros that are of this size, ppm; absent: none.
+    pub gyro_scale_sigma_ppm: Option<f64>,
+    /// Likewise of the accelerometers.
+    pub accel_scale_sigma_ppm: Option<f64>,
 }
 
 /// `[gnss]`
@@ -144,6 +164,23 @@ pub struct GnssConfig {
     pub time_offset_s: f64,
     /// How much later than its position's a receiver's velocity is stamped, s.
     pub velocity_lag_s: f64,
+    /// Estimate the time-correlated part of the position error; absent: all of it is taken as white, weighed down as
+    /// `correlation_time_s` says.
+    pub colour: Option<ColourConfig>,
+    /// Estimate the lever arm, known to this along each axis, m; absent: it is taken as given.
+    pub lever_arm_sigma_m: Option<f64>,
+    /// Estimate the clock offset, known to this, s; absent: it is taken as given.
+    pub time_offset_sigma_s: Option<f64>,
+}
+
+/// A first-order Gauss–Markov error of GNSS positions (multipath, atmosphere), equal in north, east and down.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColourConfig {
+    /// Standard deviation, m.
+    pub sigma_m: f64,
+    /// Correlation time, s.
+    pub tau_s: f64,
 }
 
 impl Default for GnssConfig {
@@ -157,6 +194,9 @@ impl Default for GnssConfig {
             correlation_time_s: 0.5,
             time_offset_s: 0.0,
             velocity_lag_s: 0.0,
+            colour: None,
+            lever_arm_sigma_m: None,
+            time_offset_sigma_s: None,
         }
     }
 }
@@ -172,12 +212,57 @@ pub enum VehicleKind {
     Any,
 }
 
+/// What is made of the wheels of a vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Nonholonomic {
+    /// For a car, what its own log bears out; `Off` where nobody has looked, as in a navigator without a plan.
+    #[default]
+    Auto,
+    /// Nothing.
+    Off,
+    /// Velocity across is zero.
+    Lateral,
+    /// Velocity across and upwards is zero.
+    On,
+}
+
+impl Nonholonomic {
+    /// Whether the constraint is used at all.
+    pub fn is_used(self) -> bool {
+        matches!(self, Nonholonomic::Lateral | Nonholonomic::On)
+    }
+}
+
 /// `[vehicle]`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VehicleConfig {
     /// Kind.
     pub kind: VehicleKind,
+    /// Use that a wheeled vehicle moves neither across nor upwards of itself, and find the IMU's pitch and yaw against it.
+    pub nonholonomic: Nonholonomic,
+    /// What is left of the velocity across and upwards on a straight road, m/s.
+    pub nonholonomic_sigma_m_per_s: f64,
+    /// Middle of the axle that is not steered from the IMU, forward-right-down, m; absent: how far forward it is is estimated.
+    pub axle_b_m: Option<[f64; 3]>,
+    /// How far from the IMU, forward or back, an axle may be of which nothing is said, m.
+    pub axle_sigma_m: f64,
+    /// How far pitch and yaw of the IMU against the vehicle may be from those of the settings, degrees.
+    pub mounting_sigma_deg: f64,
+}
+
+impl Default for VehicleConfig {
+    fn default() -> Self {
+        VehicleConfig {
+            kind: VehicleKind::Car,
+            nonholonomic: Nonholonomic::Auto,
+            nonholonomic_sigma_m_per_s: 0.2,
+            axle_b_m: None,
+            axle_sigma_m: 1.5,
+            mounting_sigma_deg: 10.0,
+        }
+    }
 }
 
 /// `[noise]`: overrides of the grade, each alone.

@@ -6,10 +6,21 @@ use serde::{Deserialize, Serialize};
 /// The slowly varying errors that are estimated and taken out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImuErrors {
-    /// Gyro bias b_g: measured rate = true rate + b_g + noise, rad/s, body axes.
+    /// Gyro bias b_g: measured rate = (1 + s_g) true rate + b_g + noise, rad/s, body axes.
     pub gyro_bias: Vector3<f64>,
-    /// Accelerometer bias b_a: measured force = true force + b_a + noise, m/s², body axes.
+    /// Accelerometer bias b_a: measured force = (1 + s_a) true force + b_a + noise, m/s², body axes.
     pub accel_bias: Vector3<f64>,
+    /// Gyro scale factor errors s_g, body axes; 0 unless they are estimated or known.
+    pub gyro_scale: Vector3<f64>,
+    /// Accelerometer scale factor errors s_a, likewise.
+    pub accel_scale: Vector3<f64>,
+}
+
+impl ImuErrors {
+    /// Whether there is a scale factor to take out.
+    pub(crate) fn has_scale(&self) -> bool {
+        self.gyro_scale != Vector3::zeros() || self.accel_scale != Vector3::zeros()
+    }
 }
 
 /// Noise of an inertial unit: white densities and first-order Gauss–Markov biases, equal on all axes.

@@ -33,3 +33,5 @@ pub mod sim;
 pub mod solution;
 pub mod stationary;
 pub mod time;
+#[cfg(feature = "std")]
+pub mod wheeled;

@@ -46,6 +46,7 @@ fn epoch(k: i64) -> Epoch {
         imu_errors: ImuErrors {
             gyro_bias: Vector3::new(1e-4, -2e-4, 3e-4),
             accel_bias: Vector3::new(0.01, 0.02, -0.03),
+            ..ImuErrors::default()
         },
         motion: if k % 2 == 0 {
             Motion::Moving

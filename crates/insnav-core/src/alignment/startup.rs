@@ -278,7 +278,7 @@ impl Startup {
             nav,
             imu_errors: ImuErrors {
                 gyro_bias,
-                accel_bias: Vector3::zeros(),
+                ..ImuErrors::default()
             },
             sigma: InitialSigma {
                 position: fix_sigma.map(|s| (PRIOR_WIDENING * s).hypot(spread).max(1.0)),

@@ -97,6 +97,11 @@ impl Covariance {
         }
     }
 
+    /// Variance of one open state.
+    pub(super) fn variance(&self, i: usize) -> f64 {
+        self.get(i, i)
+    }
+
     /// The leading `N` states as a dense matrix.
     pub fn dense<const N: usize>(&self) -> SMatrix<f64, N, N> {
         const { assert!(N <= CAPACITY) };

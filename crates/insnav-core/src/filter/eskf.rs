@@ -1,13 +1,16 @@
 //! The error-state Kalman filter: nominal state, covariance, and the closed loop between them.
 
-use super::columns::{Columns, States, part};
+use super::columns::{Columns, part};
 use super::covariance::Covariance;
 use super::dynamics::fill_base;
 use super::gate::Gate;
-use super::layout::{ACCEL_BIAS, ATTITUDE, CAPACITY, GYRO_BIAS, Layout, POSITION, VELOCITY};
+use super::layout::{
+    ACCEL_BIAS, ATTITUDE, BASE, Block, BlockInfo, GYRO_BIAS, Layout, POSITION, VELOCITY,
+};
+use super::nominal::{Calibration, Nominal};
+use super::optional::{Process, Processes, fill_optional};
 use super::transition::Transition;
 use super::update::{Update, Verdict};
-use crate::attitude::{exp, log};
 use crate::error::{Error, Result};
 use crate::imu::{ImuErrors, ImuNoise};
 use crate::mechanization::{Increment, NavState};
@@ -16,67 +19,6 @@ use crate::time::Time;
 use nalgebra::ComplexField;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
-
-/// What a measurement model may look at.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Nominal {
-    /// Position, velocity, attitude, time.
-    pub nav: NavState,
-    /// Angular rate of the body against inertial space with its bias taken out, resolved in b, rad/s.
-    pub rate_b: Vector3<f64>,
-    /// Sensor errors as estimated.
-    pub imu_errors: ImuErrors,
-}
-
-impl Nominal {
-    /// ⊞: the truth, if the estimate is `self` and the error is `dx`. This defines every sign in the filter.
-    #[must_use]
-    pub fn retract(&self, layout: &Layout, dx: &States) -> Self {
-        let of = |block| part(layout, dx, block).unwrap_or_else(Vector3::zeros);
-        let mut q_nb = exp(&of(ATTITUDE)) * self.nav.q_nb;
-        q_nb.renormalize_fast();
-        let gyro_bias = of(GYRO_BIAS);
-        Nominal {
-            nav: NavState {
-                time: self.nav.time,
-                position: self.nav.position.offset(&of(POSITION)),
-                velocity_n: self.nav.velocity_n + of(VELOCITY),
-                q_nb,
-            },
-            // What the gyro measured stays; only the bias taken from it changes.
-            rate_b: self.rate_b - gyro_bias,
-            imu_errors: ImuErrors {
-                gyro_bias: self.imu_errors.gyro_bias + gyro_bias,
-                accel_bias: self.imu_errors.accel_bias + of(ACCEL_BIAS),
-            },
-        }
-    }
-
-    /// ⊟: the error of `self` if `truth` is the truth, the inverse of [`Nominal::retract`] for the base states; zero for all
-    /// others.
-    pub fn local(&self, layout: &Layout, truth: &Nominal) -> States {
-        let mut dx = [0.0; CAPACITY];
-        let errors = [
-            (POSITION, self.nav.position.offset_to(&truth.nav.position)),
-            (VELOCITY, truth.nav.velocity_n - self.nav.velocity_n),
-            (ATTITUDE, log(&(truth.nav.q_nb * self.nav.q_nb.inverse()))),
-            (
-                GYRO_BIAS,
-                truth.imu_errors.gyro_bias - self.imu_errors.gyro_bias,
-            ),
-            (
-                ACCEL_BIAS,
-                truth.imu_errors.accel_bias - self.imu_errors.accel_bias,
-            ),
-        ];
-        for (block, error) in errors {
-            if let Some(range) = layout.range(block) {
-                dx[range].copy_from_slice(error.as_slice());
-            }
-        }
-        dx
-    }
-}
 
 /// A measurement model at one estimate: residual, its derivative by the error states, and its noise.
 #[derive(Clone, Copy, Debug)]
@@ -118,6 +60,7 @@ pub struct Eskf {
     nominal: Nominal,
     covariance: Covariance,
     noise: ImuNoise,
+    processes: Processes,
     #[serde(skip)]
     phi: Transition,
 }
@@ -140,12 +83,15 @@ impl Eskf {
         let nominal = Nominal {
             nav,
             rate_b: Vector3::zeros(),
+            acceleration_n: Vector3::zeros(),
             imu_errors,
+            calibration: Calibration::default(),
         };
         Eskf {
             nominal,
             covariance,
             noise,
+            processes: Processes::default(),
             phi: Transition::default(),
         }
     }
@@ -170,24 +116,75 @@ impl Eskf {
         &self.noise
     }
 
+    /// Estimate an optional block from now on, as an independent Gauss–Markov process; one that is open gets the prior anew.
+    ///
+    /// The estimate starts at what the calibration has, which is zero unless somebody set it. An infinite `tau` is a constant.
+    ///
+    /// # Errors
+    /// `Capacity` when there is no room.
+    pub fn open<const N: usize>(&mut self, block: Block<N>, process: Process) -> Result<()> {
+        let prior = SMatrix::from_diagonal_element(process.sigma * process.sigma);
+        self.covariance.open(block, &prior)?;
+        self.processes.set(block, process);
+        Ok(())
+    }
+
+    /// Estimate an optional block no longer. What was found of it stays in use, but for the momentary error of the GNSS
+    /// positions, of which nothing is known from here on.
+    pub fn close<const N: usize>(&mut self, block: Block<N>) {
+        self.covariance.close(block);
+        if !self.covariance.layout().has(super::layout::GNSS_COLOUR) {
+            self.nominal.calibration.gnss_colour_n = Vector3::zeros();
+        }
+    }
+
+    /// What is known beforehand of lever arm, mounting and the like.
+    pub fn set_calibration(&mut self, calibration: Calibration) {
+        self.nominal.calibration = calibration;
+    }
+
+    /// How the optional states change by themselves.
+    pub fn processes(&self) -> &Processes {
+        &self.processes
+    }
+
+    /// The optional blocks that are open: name and unit, estimates and standard deviations, as many as the block has states.
+    pub fn optional_states(&self) -> impl Iterator<Item = (BlockInfo, [f64; 3], [f64; 3])> + '_ {
+        let layout = self.covariance.layout();
+        layout.optional().map(|(id, info, range)| {
+            let sigma = core::array::from_fn(|a| {
+                let i = range.start + a;
+                if i < range.end {
+                    self.covariance.variance(i).max(0.0).sqrt()
+                } else {
+                    0.0
+                }
+            });
+            (info, self.nominal.optional_value(id), sigma)
+        })
+    }
+
     /// Move over one raw increment (sensor errors still inside).
     pub fn propagate(&mut self, raw: &Increment) {
         if raw.dt <= 0.0 {
             return;
         }
-        let errors = &mut self.nominal.imu_errors;
-        let increment = raw.corrected(&errors.gyro_bias, &errors.accel_bias);
+        let increment = raw.corrected(&self.nominal.imu_errors);
         self.nominal.rate_b = increment.rotation_b / raw.dt;
+        let before = self.nominal.nav.velocity_n;
         let interval = self.nominal.nav.advance(&increment);
-        fill_base(
-            &mut self.phi,
-            self.covariance.layout(),
-            &interval,
-            &self.noise,
-        );
-        self.covariance.propagate(&self.phi);
-        // The biases decay as their errors do.
+        self.nominal.acceleration_n = (self.nominal.nav.velocity_n - before) / raw.dt;
         let layout = self.covariance.layout();
+        fill_base(&mut self.phi, layout, &interval, &self.noise);
+        let errors = &self.nominal.imu_errors;
+        if layout.len() > BASE || errors.has_scale() {
+            let (phi, processes) = (&mut self.phi, &self.processes);
+            fill_optional(phi, layout, &interval, &increment, errors, processes);
+        }
+        self.covariance.propagate(&self.phi);
+        // The estimates decay as their errors do.
+        let layout = self.covariance.layout();
+        let errors = &mut self.nominal.imu_errors;
         let decays = [
             (&mut errors.gyro_bias, GYRO_BIAS),
             (&mut errors.accel_bias, ACCEL_BIAS),
@@ -196,6 +193,9 @@ impl Eskf {
             if let Some(decay) = part(layout, &self.phi.decay, block) {
                 bias.component_mul_assign(&decay);
             }
+        }
+        if layout.len() > BASE {
+            self.nominal.decay_optional(layout, &self.phi.decay);
         }
     }
 

@@ -28,6 +28,14 @@ impl Default for Gate {
 }
 
 impl Gate {
+    /// A gate without a way back, for what is true most of the time only: it never pulls a filter anywhere.
+    pub fn firm() -> Self {
+        Gate {
+            patience: u32::MAX,
+            ..Gate::default()
+        }
+    }
+
     /// The verdict on a NIS with `dof` degrees of freedom (1 to 3); remembers it.
     pub fn judge(&mut self, nis: f64, dof: usize) -> Verdict {
         if nis <= self.limit[dof - 1] {

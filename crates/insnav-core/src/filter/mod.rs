@@ -6,18 +6,22 @@ mod dynamics;
 mod eskf;
 mod gate;
 mod layout;
+mod nominal;
+mod optional;
 mod transition;
 mod update;
 
 pub use columns::{Columns, States, part};
 pub use covariance::{Covariance, Innovation};
 pub use dynamics::{GaussMarkov, fill_base};
-pub use eskf::{Eskf, InitialSigma, Linearized, Measurement, Nominal};
+pub use eskf::{Eskf, InitialSigma, Linearized, Measurement};
 pub use gate::Gate;
 pub use layout::{
-    ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, BASE, BLOCKS, Block, BlockInfo, CAPACITY, CLOCK_OFFSET,
-    GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING, ODOMETER_SCALE,
-    POSITION, VELOCITY,
+    ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, AXLE, BASE, BLOCKS, Block, BlockInfo, CAPACITY,
+    CLOCK_OFFSET, GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING,
+    ODOMETER_SCALE, POSITION, VELOCITY,
 };
+pub use nominal::{Calibration, Nominal};
+pub use optional::{Process, Processes, fill_optional};
 pub use transition::Transition;
 pub use update::{Update, Verdict};

@@ -1,19 +1,21 @@
 //! GNSS position of an antenna on a lever arm.
 
+use super::antenna::Antenna;
 use super::{UNSTATED_POSITION_SIGMA, believable};
-use crate::attitude::skew;
 use crate::config::GnssConfig;
 use crate::earth::Geodetic;
 use crate::error::Result;
 use crate::filter::{
-    ATTITUDE, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, POSITION, Update,
+    CLOCK_OFFSET, Columns, Eskf, GNSS_COLOUR, Gate, Layout, Linearized, Measurement, Nominal,
+    POSITION, Update,
 };
 use crate::sample::GnssPosition;
 use crate::time::Time;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// One fix: r = p_gnss − (p + C l), metres NED.
+/// One fix: r = p_gnss − (p + C l − u δ + c), metres NED, with the antenna's velocity u, a clock offset δ and a
+/// time-correlated error c, both zero unless estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GnssPositionModel {
     /// Position of the antenna.
@@ -30,12 +32,23 @@ impl Measurement<3> for GnssPositionModel {
     }
 
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
-        let lever_n = at.nav.q_nb * self.lever_arm_b;
+        let antenna = Antenna::at(at, &self.lever_arm_b);
+        let (delay, colour_n) = (at.calibration.clock_offset, at.calibration.gnss_colour_n);
         let mut h = Columns::default();
         h.put(layout, POSITION, &Matrix3::identity());
-        h.put(layout, ATTITUDE, &-skew(&lever_n));
+        antenna.put_lever(&mut h, layout);
+        h.put(layout, GNSS_COLOUR, &Matrix3::identity());
+        h.put(layout, CLOCK_OFFSET, &-antenna.velocity_n);
+        if delay != 0.0 {
+            antenna.put_velocity(&mut h, layout, -delay);
+        }
+        let predicted_n = antenna.lever_n - antenna.velocity_n * delay + colour_n;
         Linearized {
-            residual: at.nav.position.offset(&lever_n).offset_to(&self.position),
+            residual: at
+                .nav
+                .position
+                .offset(&predicted_n)
+                .offset_to(&self.position),
             h,
             r: self.r,
         }
@@ -60,7 +73,11 @@ impl GnssPositionAid {
             lever_arm_b: Vector3::from(config.lever_arm_b_m.unwrap_or_default()),
             sigma_floor: config.sigma_floor_m,
             sigma_scale: config.sigma_scale,
-            correlation_time: config.correlation_time_s,
+            // States of its own take the correlated part; what is left is white.
+            correlation_time: match config.colour {
+                Some(_) => 0.0,
+                None => config.correlation_time_s,
+            },
             last: None,
             gate: Gate::default(),
         }

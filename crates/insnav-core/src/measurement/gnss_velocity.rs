@@ -1,19 +1,18 @@
 //! GNSS velocity of an antenna on a lever arm.
 
+use super::antenna::Antenna;
 use super::{UNSTATED_VELOCITY_SIGMA, believable};
-use crate::attitude::skew;
 use crate::config::GnssConfig;
-use crate::earth::earth_rate_n;
 use crate::error::Result;
 use crate::filter::{
-    ATTITUDE, Columns, Eskf, GYRO_BIAS, Gate, Layout, Linearized, Measurement, Nominal, Update,
-    VELOCITY,
+    CLOCK_OFFSET, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, Update,
 };
 use crate::sample::GnssVelocity;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// One velocity: r = v_gnss − (v + C (ω_ib × l) − ω_ie × C l), m/s NED.
+/// One velocity: r = v_gnss − (v + C (ω_ib × l) − ω_ie × C l − a δ), m/s NED, with the acceleration a and a clock offset δ
+/// that is zero unless estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GnssVelocityModel {
     /// Velocity of the antenna over ground, NED, m/s.
@@ -30,19 +29,11 @@ impl Measurement<3> for GnssVelocityModel {
     }
 
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
-        let c = at.nav.q_nb.to_rotation_matrix().into_inner();
-        let lever_n = c * self.lever_arm_b;
-        let swing_n = c * at.rate_b.cross(&self.lever_arm_b);
-        let w_ie = earth_rate_n(at.nav.position.latitude);
+        let antenna = Antenna::at(at, &self.lever_arm_b);
         let mut h = Columns::default();
-        h.put(layout, VELOCITY, &Matrix3::identity());
-        h.put(
-            layout,
-            ATTITUDE,
-            &(skew(&w_ie) * skew(&lever_n) - skew(&swing_n)),
-        );
-        h.put(layout, GYRO_BIAS, &(c * skew(&self.lever_arm_b)));
-        let predicted = at.nav.velocity_n + swing_n - w_ie.cross(&lever_n);
+        antenna.put_velocity(&mut h, layout, 1.0);
+        h.put(layout, CLOCK_OFFSET, &-at.acceleration_n);
+        let predicted = antenna.velocity_n - at.acceleration_n * at.calibration.clock_offset;
         Linearized {
             residual: self.velocity_n - predicted,
             h,

@@ -1,12 +1,15 @@
 //! Measurement models: one file each, with its settings, its model and when it is used.
 
+mod antenna;
 mod gnss_position;
 mod gnss_velocity;
 mod heading;
+mod nonholonomic;
 
 pub use gnss_position::{GnssPositionAid, GnssPositionModel};
 pub use gnss_velocity::{GnssVelocityAid, GnssVelocityModel, HorizontalVelocityModel};
 pub use heading::{HeadingAid, HeadingModel};
+pub use nonholonomic::{LateralModel, NonholonomicAid, NonholonomicModel};
 
 use nalgebra::Matrix3;
 

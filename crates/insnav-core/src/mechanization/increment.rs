@@ -1,5 +1,6 @@
 //! Inertial samples to increments with coning and sculling.
 
+use crate::imu::ImuErrors;
 use crate::sample::{ImuIncrement, ImuSample};
 use crate::time::Time;
 use nalgebra::Vector3;
@@ -44,12 +45,18 @@ impl Increment {
         )
     }
 
-    /// The same interval with constant sensor errors (rad/s, m/s²) taken out.
+    /// The same interval with constant sensor errors taken out.
     #[must_use]
-    pub fn corrected(&self, gyro_bias: &Vector3<f64>, accel_bias: &Vector3<f64>) -> Self {
+    pub fn corrected(&self, errors: &ImuErrors) -> Self {
+        let mut rotation_b = self.rotation_b - errors.gyro_bias * self.dt;
+        let mut velocity_b = self.velocity_b - errors.accel_bias * self.dt;
+        if errors.has_scale() {
+            rotation_b.component_div_assign(&errors.gyro_scale.add_scalar(1.0));
+            velocity_b.component_div_assign(&errors.accel_scale.add_scalar(1.0));
+        }
         Increment {
-            rotation_b: self.rotation_b - gyro_bias * self.dt,
-            velocity_b: self.velocity_b - accel_bias * self.dt,
+            rotation_b,
+            velocity_b,
             ..*self
         }
     }

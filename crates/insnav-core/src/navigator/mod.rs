@@ -4,6 +4,7 @@
 #![cfg_attr(not(feature = "std"), allow(irrefutable_let_patterns))]
 
 mod horizon;
+mod optional_states;
 
 pub use horizon::HORIZON_CAPACITY;
 
@@ -13,13 +14,14 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::filter::{Eskf, InitialSigma};
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
-use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid};
+use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
 use crate::stationary::GnssSpeed;
 use horizon::{Horizon, NotTaken};
 use nalgebra::Vector3;
+use optional_states::OptionalStates;
 use serde::{Deserialize, Serialize};
 
 /// Between the head and the tail, s, on top of what the clocks differ by.
@@ -68,6 +70,8 @@ pub struct Navigator {
     position: GnssPositionAid,
     velocity: GnssVelocityAid,
     heading: HeadingAid,
+    nonholonomic: Option<NonholonomicAid>,
+    optional: OptionalStates,
     speed: GnssSpeed,
 }
 
@@ -104,11 +108,9 @@ impl Navigator {
         imu_errors: ImuErrors,
         sigma: &InitialSigma,
     ) -> Result<Self> {
-        Self::at_stage(
-            config,
-            noise,
-            Stage::Running(Eskf::new(nav, imu_errors, sigma, noise)),
-        )
+        let mut filter = Eskf::new(nav, imu_errors, sigma, noise);
+        OptionalStates::of(config).open(&mut filter)?;
+        Self::at_stage(config, noise, Stage::Running(filter))
     }
 
     fn at_stage(config: &Config, noise: ImuNoise, stage: Stage) -> Result<Self> {
@@ -128,6 +130,12 @@ impl Navigator {
             position: GnssPositionAid::new(gnss),
             velocity: GnssVelocityAid::new(gnss),
             heading: HeadingAid::default(),
+            nonholonomic: config
+                .vehicle
+                .nonholonomic
+                .is_used()
+                .then(|| NonholonomicAid::new(&config.vehicle)),
+            optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
         })
     }
@@ -150,7 +158,7 @@ impl Navigator {
             if let Some(whole) = build(&mut builder, sample) {
                 // As in the run itself: what lies before the start, or has been moved over, has no part.
                 let (_, increment) = whole.split_at(nav.time);
-                nav.advance(&increment.corrected(&errors.gyro_bias, &errors.accel_bias));
+                nav.advance(&increment.corrected(&errors));
             }
         }
         Some(nav)
@@ -214,12 +222,14 @@ impl Navigator {
     /// Begin the run at the first sample and catch up with all that was kept.
     #[cfg(feature = "std")]
     fn begin(&mut self, alignment: Alignment, sink: &mut impl Sink) -> Result<()> {
-        let filter = Eskf::new(
-            alignment.nav,
-            alignment.imu_errors,
-            &alignment.sigma,
-            self.noise,
-        );
+        let Alignment {
+            nav,
+            imu_errors,
+            sigma,
+            ..
+        } = alignment;
+        let mut filter = Eskf::new(nav, imu_errors, &sigma, self.noise);
+        self.optional.open(&mut filter)?;
         let Stage::Starting(startup) = core::mem::replace(&mut self.stage, Stage::Running(filter))
         else {
             return Ok(());
@@ -347,6 +357,16 @@ impl Navigator {
         if let Some(increment) = rest {
             filter.propagate(&increment);
         }
+        if let Some(outcome) = self
+            .nonholonomic
+            .as_mut()
+            .and_then(|aid| aid.observe(filter))
+        {
+            match outcome {
+                Ok(update) => sink.update(&update),
+                Err(error) => failed = Some(error),
+            }
+        }
         if next.time() >= now && sink.wants_epoch(next.time()) {
             sink.epoch(&epoch(filter, self.speed.motion_at(next.time())));
         }
@@ -358,6 +378,9 @@ impl Navigator {
 impl Navigator {
     /// Go back to the start with all that waits in the horizon.
     fn start_afresh(&mut self) {
+        if let Stage::Running(filter) = &self.stage {
+            self.optional.keep(filter);
+        }
         let mut startup = self.afresh.clone();
         while let Some(sample) = self.horizon.pop() {
             startup.push(sample);

@@ -68,6 +68,8 @@ impl ImuErrorModel {
         ImuErrors {
             gyro_bias: Vector3::from(self.gyro_bias_deg_per_hour).map(|v| v.to_radians() / 3600.0),
             accel_bias: Vector3::from(self.accel_bias_m_per_s2),
+            gyro_scale: Vector3::from(self.gyro_scale_ppm) * 1e-6,
+            accel_scale: Vector3::from(self.accel_scale_ppm) * 1e-6,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::RunError;
 use super::plan::Plan;
-use super::report::{Estimate, NoiseReport, RunReport, Warning};
+use super::report::{Calibrated, Estimate, NoiseReport, RunReport, Warning};
 use super::saved::SavedRun;
 use super::source::{SolutionSink, Source};
 use super::tally::{Tally, Totals};
@@ -86,7 +86,7 @@ impl Plan {
                 grade_picked: self.grade_picked,
                 clocks: self.clocks,
                 reader: samples.state(),
-                navigator,
+                navigator: navigator.clone(),
                 totals: tally.totals.clone(),
                 sink: tally.sink().state(),
             });
@@ -124,6 +124,11 @@ impl Plan {
             aiding: tally.aiding(),
             withheld: tally.totals.withheld,
             last: tally.last(),
+            wheels: self.wheels,
+            calibration: navigator
+                .filter()
+                .map(|f| f.optional_states().map(Calibrated::of).collect())
+                .unwrap_or_default(),
             warnings,
             config: config_text(&self.config),
         };

@@ -21,6 +21,7 @@ mod saved;
 mod source;
 mod survey;
 mod tally;
+mod wheels;
 mod withhold;
 
 pub use clocks::Clocks;

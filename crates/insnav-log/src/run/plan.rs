@@ -8,10 +8,11 @@ use super::report::Warning;
 use super::saved::SavedRun;
 use super::source::Source;
 use super::survey::Survey;
+use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
 use crate::log::METADATA_T0;
 use crate::{SinkOptions, config_text};
-use insnav_core::config::{Config, NoiseConfig};
+use insnav_core::config::{Config, NoiseConfig, Nonholonomic, VehicleKind};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::Stop;
@@ -19,6 +20,7 @@ use insnav_core::navigator::Navigator;
 use insnav_core::noise_floor::NoiseFloor;
 use insnav_core::sample::Sample;
 use insnav_core::time::Time;
+use insnav_core::wheeled::WheelReport;
 use std::time::Instant;
 
 /// Choices of a run that are not settings of the navigator.
@@ -47,6 +49,8 @@ pub struct Plan {
     pub grade_picked: bool,
     /// What is known of the clocks.
     pub clocks: Clocks,
+    /// How well the vehicle moves where its wheels point, where that was looked at.
+    pub wheels: Option<WheelReport>,
     /// What the data hold.
     pub survey: Survey,
     /// What the user should know.
@@ -102,6 +106,7 @@ impl Plan {
             grade,
             grade_picked,
             clocks: Clocks::default(),
+            wheels: None,
             survey,
             warnings,
             withhold: options.withhold.clone(),
@@ -123,6 +128,12 @@ impl Plan {
         if let Some(start) = options.start {
             plan.start = Some((plan.start_time(&start)?, start));
         }
+        let vehicle = plan.config.vehicle;
+        if vehicle.nonholonomic == Nonholonomic::Auto && vehicle.kind == VehicleKind::Car {
+            plan.wheels = watch(source, &plan)?;
+            let told = decide(&mut plan.config, plan.wheels.as_ref());
+            plan.warnings.extend(told);
+        }
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
     }
@@ -142,6 +153,7 @@ impl Plan {
             grade: saved.grade,
             grade_picked: saved.grade_picked,
             clocks: saved.clocks,
+            wheels: None,
             survey,
             warnings: source.oddities()?,
             withhold: options.withhold.clone(),

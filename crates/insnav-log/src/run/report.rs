@@ -1,8 +1,10 @@
 //! What a run tells, with the keys of the command's JSON.
 
 use insnav_core::alignment::HeadingSource;
+use insnav_core::filter::BlockInfo;
 use insnav_core::imu::ImuGrade;
 use insnav_core::noise_floor::NoiseFloor;
+use insnav_core::wheeled::WheelReport;
 use serde::{Deserialize, Serialize};
 
 /// Something in the data or the settings that the user should know, with what to do about it.
@@ -23,6 +25,36 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard deviation.
     pub sigma: Option<f64>,
+}
+
+/// An optional block of states as it was estimated: scale factors, lever arm, mounting and the like.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Calibrated {
+    /// Name of the block.
+    pub name: &'static str,
+    /// Unit of its numbers: m, deg, ppm, s.
+    pub unit: &'static str,
+    /// What is to be added to the settings.
+    pub value: Vec<f64>,
+    /// Standard deviations.
+    pub sigma: Vec<f64>,
+}
+
+impl Calibrated {
+    pub(super) fn of((block, value, sigma): (BlockInfo, [f64; 3], [f64; 3])) -> Self {
+        let (unit, factor) = match block.unit {
+            "rad" => ("deg", 1.0_f64.to_degrees()),
+            "1" => ("ppm", 1e6),
+            other => (other, 1.0),
+        };
+        let in_unit = |x: [f64; 3]| x[..block.size].iter().map(|x| x * factor).collect();
+        Calibrated {
+            name: block.name,
+            unit,
+            value: in_unit(value),
+            sigma: in_unit(sigma),
+        }
+    }
 }
 
 /// Noise of the inertial unit as its own log shows it.
@@ -201,6 +233,10 @@ pub struct RunReport {
     /// The end.
     #[serde(rename = "final")]
     pub last: Option<FinalReport>,
+    /// Where the vehicle moves against its body, if that was looked at.
+    pub wheels: Option<WheelReport>,
+    /// What was found of the optional states, at the end.
+    pub calibration: Vec<Calibrated>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// The settings as they were used, TOML.
