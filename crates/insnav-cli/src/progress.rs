@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use insnav_core::sample::Sample;
 use insnav_core::time::Time;
-use insnav_log::{Log, ReaderState, Role, RunError, Source, Stream, Warning};
+use insnav_log::{Log, ReaderState, Role, RunError, Source, SourceFacts, Stream};
 use nalgebra::Vector3;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -136,8 +136,8 @@ impl Source for Watched<'_> {
         Source::lever_arm_b(self.log)
     }
 
-    fn oddities(&self) -> Result<Vec<Warning>, RunError> {
-        Source::oddities(self.log)
+    fn facts(&self) -> Result<SourceFacts, RunError> {
+        Source::facts(self.log)
     }
 
     fn check(&self) -> Result<(), RunError> {

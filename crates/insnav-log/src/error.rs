@@ -259,6 +259,26 @@ fn because(problem: &Option<String>) -> String {
         .map_or_else(String::new, |problem| format!(": {problem}"))
 }
 
+/// A folder was given for a log: name the logs in it.
+fn folder_remedy(folder: &Path) -> String {
+    let mut logs: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
+        .map(|path| path.display().to_string())
+        .collect();
+    logs.sort();
+    match logs.as_slice() {
+        [] => "this is a folder without MCAP files; give a log, or make one of a folder of tables with `insnav convert`".into(),
+        [one] => format!("this is a folder; give the log in it: {one}"),
+        [first, .., last] => format!(
+            "this is a folder; give one of the {} logs in it: {first} … {last}",
+            logs.len()
+        ),
+    }
+}
+
 fn list(topics: &[String]) -> String {
     if topics.is_empty() {
         "no topics".to_owned()
@@ -309,6 +329,7 @@ impl LogError {
     pub fn remedy(&self) -> String {
         match self {
             LogError::NoSuchFile { .. } => "check the path".into(),
+            LogError::Read { path, .. } if path.is_dir() => folder_remedy(path),
             LogError::Read { .. } => "check the permissions and that it is a file".into(),
             LogError::NotAnMcap { .. } => {
                 "give an MCAP file; common CSV becomes one with `insnav convert`, a ROS 1 bag with `mcap convert`".into()

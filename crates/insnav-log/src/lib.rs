@@ -21,6 +21,7 @@ pub mod csv;
 mod device;
 mod error;
 mod export;
+mod findings;
 mod frames;
 mod gnss_file;
 mod imu_units;
@@ -49,6 +50,7 @@ pub use config_file::{ConfigError, config_text, load_config, parse_config};
 pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;
 pub use export::{ExportFormat, export};
+pub use findings::{Finding, Severity, SourceFacts};
 pub use gnss_file::{GnssFileOptions, GnssFormat, GnssTrack};
 pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
@@ -60,13 +62,13 @@ pub use problem::Problem;
 pub use run::{
     AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, KnownStart, NoiseReport, Plan,
     RunError, RunOptions, RunReport, SavedRun, SolutionSink, Source, StateError, StopReport,
-    Stream, Survey, Warning, Withhold,
+    Stream, Survey, Warning, Withhold, find,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
 pub use solution::{SolutionTable, UpdateRow};
-pub use stats::{Spread, TopicStatistics};
+pub use stats::{ClockDrift, ClockStep, Spread, TopicStatistics};
 pub use topics::{Choice, Role, Selection, TopicInfo};
 pub use transforms::StaticTransform;
 pub use velocity_axes::VelocityAxes;

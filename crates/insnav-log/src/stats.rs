@@ -2,7 +2,8 @@
 
 use crate::content::{Body, Content, MessageReader, Stamp};
 use crate::error::LogError;
-use crate::log::Log;
+use crate::findings::step_of;
+use crate::log::{Log, TimeSource};
 use crate::samples::{Unusable, gnss_position};
 use crate::wire::DecodeError;
 use insnav_core::time::Time;
@@ -10,7 +11,7 @@ use insnav_core::time::Time;
 /// An interval is a gap when it is longer than this many median intervals: beyond what jitter and one lost sample make.
 const GAP_FACTOR: f64 = 5.0;
 
-/// Regularity of one topic. Times are header stamps where the messages have them, else log times.
+/// Regularity of one topic. Times are those that [`crate::ReadOptions`] choose: header stamps unless told otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TopicStatistics {
     /// Name of the topic.
@@ -49,13 +50,39 @@ pub struct TopicStatistics {
     pub no_fix: u64,
     /// Positions whose latitude and longitude are exactly zero.
     pub zero_position: u64,
+    /// Messages that should be between others: intervals of two to five medians, counted by how many would fit.
+    pub missing: u64,
+    /// Where the stamps jump against the recorder's clock for good.
+    pub clock_step: Option<ClockStep>,
+    /// How the stamps drift against the recorder's clock, where that is more than good oscillators do.
+    pub clock_drift: Option<ClockDrift>,
 }
 
-/// Mean and range of a quantity.
+/// A jump of a topic's stamps against the recorder's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClockStep {
+    /// When, on the recorder's clock.
+    pub at: Time,
+    /// By how much the stamps jump ahead, s.
+    pub size_s: f64,
+}
+
+/// A drift of a topic's stamps against the recorder's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClockDrift {
+    /// Seconds per second that the stamps gain.
+    pub rate: f64,
+    /// Over the whole log, s.
+    pub total_s: f64,
+}
+
+/// Middle and range of a quantity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spread {
     /// Arithmetic mean.
     pub mean: f64,
+    /// Median of the greatest value of each second: delays, which only make values less, are mostly not in it.
+    pub median: f64,
     /// Least value.
     pub min: f64,
     /// Greatest value.
@@ -72,6 +99,8 @@ struct Collected {
     offset_min: f64,
     offset_max: f64,
     offsets: u64,
+    /// Second of log time, and the greatest stamp minus log time in it.
+    levels: Vec<(Time, f64)>,
     statistics: TopicStatistics,
 }
 
@@ -105,7 +134,12 @@ impl Log {
             let message = message?;
             let index = by_channel[usize::from(message.channel)];
             let topic = &mut topics[index];
-            if topic.add(message.data, message.log_time).is_err() {
+            let used = match self.options().time_source {
+                TimeSource::Header => None,
+                TimeSource::Log => Some(message.log_time),
+                TimeSource::Publish => Some(message.publish_time),
+            };
+            if topic.add(message.data, message.log_time, used).is_err() {
                 topic.statistics.undecodable += 1;
             }
         }
@@ -114,28 +148,34 @@ impl Log {
 }
 
 impl Collected {
-    fn add(&mut self, data: &[u8], log_time: Time) -> Result<(), DecodeError> {
+    /// Take a message; `used` is the time that the options choose where they do not choose its own stamp.
+    fn add(&mut self, data: &[u8], log_time: Time, used: Option<Time>) -> Result<(), DecodeError> {
+        let without_stamp = used.unwrap_or(log_time);
         let Some(reader) = &mut self.reader else {
-            self.times.push(log_time.0);
+            self.times.push(without_stamp.0);
             return Ok(());
         };
         let content = match reader.content(data) {
             Ok(content) => content,
             Err(error) => {
-                self.times.push(log_time.0);
+                self.times.push(without_stamp.0);
                 return Err(error);
             }
         };
-        let stamp = match content.stamp {
+        let stamp = Time(match content.stamp {
             Stamp::Host(time) => time.0,
             Stamp::Own(time) => time.0.saturating_add(self.clock_shift),
+        });
+        let time = match used {
+            Some(used) => used,
+            None if stamp.0 == 0 => log_time,
+            None => stamp,
         };
-        let time = if stamp == 0 { log_time } else { Time(stamp) };
         self.times.push(time.0);
-        if stamp == 0 {
+        if stamp.0 == 0 {
             self.statistics.unstamped += 1;
         } else {
-            let offset = time.since(log_time);
+            let offset = stamp.since(log_time);
             (self.offset_min, self.offset_max) = if self.offsets == 0 {
                 (offset, offset)
             } else {
@@ -143,6 +183,13 @@ impl Collected {
             };
             self.offset_sum += offset;
             self.offsets += 1;
+            let same_second = |last: &&mut (Time, f64)| {
+                last.0.0.div_euclid(1_000_000_000) == log_time.0.div_euclid(1_000_000_000)
+            };
+            match self.levels.last_mut().filter(same_second) {
+                Some(level) => level.1 = level.1.max(offset),
+                None => self.levels.push((log_time, offset)),
+            }
         }
         self.statistics.add(&content, time);
         Ok(())
@@ -156,8 +203,18 @@ impl Collected {
         statistics.last = times.iter().max().copied().map(Time);
         if self.offsets > 0 {
             let mean = self.offset_sum / self.offsets as f64;
+            let mut levels: Vec<f64> = self.levels.iter().map(|l| l.1).collect();
+            let middle = levels.len() / 2;
+            let median = *levels.select_nth_unstable_by(middle, f64::total_cmp).1;
+            statistics.clock_step =
+                step_of(&self.levels).map(|(at, size_s)| ClockStep { at, size_s });
+            statistics.clock_drift = match statistics.clock_step {
+                Some(_) => None,
+                None => drift_of(&self.levels),
+            };
             statistics.header_minus_log_s = Some(Spread {
                 mean,
+                median,
                 min: self.offset_min,
                 max: self.offset_max,
             });
@@ -191,6 +248,11 @@ impl Collected {
             .map(|step| (*step as f64 * 1e-9 - mean).powi(2))
             .sum::<f64>()
             / count;
+        statistics.missing = steps()
+            .map(|(step, _)| step as f64 / median as f64)
+            .filter(|steps| (1.6..=GAP_FACTOR).contains(steps))
+            .map(|steps| steps.round() as u64 - 1)
+            .sum();
         statistics.rate_hz = Some(1.0 / median_s);
         statistics.interval_median_s = Some(median_s);
         statistics.interval_max_s = forward.last().map(|step| *step as f64 * 1e-9);
@@ -216,6 +278,31 @@ impl TopicStatistics {
             }
         }
     }
+}
+
+/// A straight line through the levels, where it is steeper than an oscillator's tolerance and holds throughout.
+fn drift_of(levels: &[(Time, f64)]) -> Option<ClockDrift> {
+    /// Crystals keep within 50 to 100 parts in a million.
+    const TOLERANCE: f64 = 150e-6;
+    /// What a drift must come to, s: twice what is worth a word as an offset.
+    const LEAST: f64 = 0.02;
+    let (first, last) = (levels.first()?, levels.last()?);
+    let length = last.0.since(first.0);
+    let n = levels.len() as f64;
+    let points = || levels.iter().map(|l| (l.0.since(first.0), l.1));
+    let (mt, ml) = points().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+    let (tt, tl) = points().fold((0.0, 0.0), |s, p| {
+        (s.0 + (p.0 - mt).powi(2), s.1 + (p.0 - mt) * (p.1 - ml))
+    });
+    let rate = tl / tt;
+    let residual = (points()
+        .map(|p| (p.1 - ml - rate * (p.0 - mt)).powi(2))
+        .sum::<f64>()
+        / n)
+        .sqrt();
+    let total_s = rate * length;
+    (levels.len() >= 20 && rate.abs() > TOLERANCE && total_s.abs() > LEAST.max(10.0 * residual))
+        .then_some(ClockDrift { rate, total_s })
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use crate::text;
 use clap::Args;
 use insnav_core::time::Time;
 use insnav_log::{
-    Checksums, Choice, Estimate, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions,
-    TopicInfo, TopicStatistics, Warning, config_text,
+    Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions,
+    TopicInfo, TopicStatistics, Warning, config_text, find,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -44,6 +44,8 @@ pub(crate) struct LogReport {
     pub(crate) checksums: &'static str,
     pub(crate) begin_unix_s: Option<f64>,
     pub(crate) duration_s: Option<f64>,
+    /// What is wrong with the data, the worst first.
+    pub(crate) findings: Vec<Finding>,
     pub(crate) topics: Vec<TopicReport>,
     pub(crate) metadata: BTreeMap<String, String>,
     /// What `run` would do; absent when it could not.
@@ -100,7 +102,11 @@ pub(crate) struct RunPreview {
     pub(crate) imu_grade: &'static str,
     pub(crate) imu_grade_picked: bool,
     pub(crate) imu_noise: Option<NoiseReport>,
+    /// Zero where it is not known.
     pub(crate) lever_arm_b_m: [f64; 3],
+    pub(crate) lever_arm_known: bool,
+    /// What altitudes of fixes are taken to be above.
+    pub(crate) altitude_above: String,
     pub(crate) config: String,
 }
 
@@ -108,18 +114,36 @@ impl Info {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         let config = self.settings.load()?;
         let log = Log::open(&self.log, self.reading.options(&config))?;
-        let origin = log
-            .t0()?
-            .or(log.time_range().map(|(first, _)| first))
-            .unwrap_or_default();
-        let (run, problem, warnings) =
-            match Plan::make(&Watched::new(&log), &config, &RunOptions::default()) {
-                Ok(plan) => (Some(preview(&plan)), None, plan.warnings),
-                Err(error) => {
-                    let recovered = log.recovery_warning().into_iter().collect();
-                    (None, Some(Failure::from(error)), recovered)
-                }
-            };
+        let options = RunOptions {
+            thorough_clocks: true,
+            ..RunOptions::default()
+        };
+        let plan = Plan::make(&Watched::new(&log), &config, &options);
+        let origin = match &plan {
+            Ok(plan) => plan.origin,
+            Err(_) => log
+                .t0()
+                .ok()
+                .flatten()
+                .or(log.time_range().map(|(first, _)| first))
+                .unwrap_or_default(),
+        };
+        let (run, problem, findings, warnings) = match plan {
+            Ok(plan) => (
+                Some(preview(&plan, log.options().geoid_height_m)),
+                None,
+                plan.findings,
+                plan.warnings,
+            ),
+            Err(error) => {
+                let findings = find(&log, &config).unwrap_or_default();
+                let recovered = log.recovery_warning().into_iter();
+                let warnings = recovered
+                    .chain(findings.iter().map(Warning::from))
+                    .collect();
+                (None, Some(Failure::from(error)), findings, warnings)
+            }
+        };
         let (profile, library) = log.written_by();
         let range = log.time_range();
         let report = LogReport {
@@ -134,6 +158,7 @@ impl Info {
             },
             begin_unix_s: range.map(|(first, _)| first.seconds()),
             duration_s: range.map(|(first, last)| last.since(first)),
+            findings,
             topics: topics(&log, origin)?,
             metadata: log.metadata(METADATA_NAME).cloned().unwrap_or_default(),
             run,
@@ -141,9 +166,21 @@ impl Info {
             warnings,
         };
         output.result(&report, || text::log_report(&report));
-        output.warnings(&report.warnings);
+        // The findings stand in the report already.
+        let told = |w: &&Warning| report.findings.iter().any(|f| f.code == w.code);
+        let others: Vec<Warning> = report
+            .warnings
+            .iter()
+            .filter(|w| !told(w))
+            .cloned()
+            .collect();
+        output.warnings(&others);
         Ok(
-            if self.strict && !(report.warnings.is_empty() && report.problem.is_none()) {
+            if self.strict
+                && !(report.warnings.is_empty()
+                    && report.findings.is_empty()
+                    && report.problem.is_none())
+            {
                 WARNED
             } else {
                 0
@@ -152,7 +189,12 @@ impl Info {
     }
 }
 
-fn preview(plan: &Plan) -> RunPreview {
+fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
+    let mut config = plan.config;
+    if !plan.lever_arm_known {
+        // Zero stated in a file would be taken for a measured zero.
+        config.gnss.lever_arm_b_m = None;
+    }
     let span = |begin: Time, end: Time| Span {
         begin_s: begin.since(plan.origin),
         end_s: end.since(plan.origin),
@@ -168,7 +210,13 @@ fn preview(plan: &Plan) -> RunPreview {
         imu_grade_picked: plan.grade_picked,
         imu_noise: plan.survey.noise_floor.as_ref().map(NoiseReport::from),
         lever_arm_b_m: plan.config.gnss.lever_arm_b_m.unwrap_or_default(),
-        config: config_text(&plan.config),
+        lever_arm_known: plan.lever_arm_known,
+        altitude_above: if geoid_height_m == 0.0 {
+            "the ellipsoid, as NavSatFix defines".into()
+        } else {
+            format!("sea level, {geoid_height_m} m above the ellipsoid")
+        },
+        config: config_text(&config),
     }
 }
 

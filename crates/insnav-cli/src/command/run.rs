@@ -331,6 +331,7 @@ impl Run {
             ignore_clocks: matches!(self.time_offset, Some(TimeOffset::Seconds(_))),
             withhold: self.withhold.clone().unwrap_or_default(),
             start: None,
+            ..RunOptions::default()
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{entry, plural, short, span};
 use crate::command::{LogReport, RunPreview, TopicReport};
-use insnav_log::{Estimate, NoiseReport};
+use insnav_log::{Estimate, NoiseReport, Severity};
 
 /// The report of `info`.
 pub(crate) fn log_report(r: &LogReport) -> String {
@@ -32,6 +32,7 @@ pub(crate) fn log_report(r: &LogReport) -> String {
             _ => "",
         }
     );
+    text.push_str(&findings(r));
     let width = |of: fn(&TopicReport) -> usize| r.topics.iter().map(of).max().unwrap_or(0);
     let (name, schema) = (width(|t| t.name.len()), width(|t| t.schema.len()));
     for t in &r.topics {
@@ -54,6 +55,32 @@ pub(crate) fn log_report(r: &LogReport) -> String {
             ));
         }
         (None, None) => {}
+    }
+    text
+}
+
+/// What is wrong, before all else.
+fn findings(r: &LogReport) -> String {
+    if r.findings.is_empty() {
+        return match r.run {
+            Some(_) => "nothing looks wrong\n".into(),
+            None => String::new(),
+        };
+    }
+    let mut text = format!("{}\n", plural(r.findings.len(), "finding"));
+    for f in &r.findings {
+        let severity = match f.severity {
+            Severity::Fatal => "FATAL",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        };
+        text.push_str(&entry(
+            severity,
+            &format!(
+                "{}: {}\n→ {}\nremedy: {}",
+                f.code, f.evidence, f.consequence, f.remedy
+            ),
+        ));
     }
     text
 }
@@ -153,6 +180,19 @@ fn preview(run: &RunPreview) -> String {
         (true, None) => "assumed: the log is too short to tell",
     };
     add("imu", format!("{} grade, {source}", run.imu_grade));
+    add(
+        "altitude",
+        format!(
+            "taken as above {}; a receiver that gives sea level looks the same here: `--altitude msl=N` adds the geoid's N metres",
+            run.altitude_above
+        ),
+    );
+    if !run.lever_arm_known {
+        add(
+            "lever arm",
+            "not known, zero is taken; measured, it goes under [gnss] as lever_arm_b_m = [forward, right, down]".into(),
+        );
+    }
     add(
         "settings",
         format!("as follows (a file for -c)\n{}", run.config.trim_end()),

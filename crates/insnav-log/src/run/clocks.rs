@@ -28,8 +28,6 @@ pub struct Clocks {
 
 /// Without being asked for, offsets are looked for in this much of the log only, s of samples at the IMU's rate.
 const GLANCE_S: f64 = 1200.0;
-/// Differences below this are not worth a warning, s: at 30 m/s, 0.3 m.
-const NEGLIGIBLE_S: f64 = 0.01;
 
 /// Look for both offsets. What cannot be observed stays unknown.
 pub(super) fn find_clocks(
@@ -117,46 +115,6 @@ impl Clocks {
                 "gnss.velocity_lag_s",
             );
         }
-        found
-    }
-
-    /// Where the data contradict the settings by more than chance.
-    pub(super) fn differences(&self, config: &Config) -> Vec<Warning> {
-        let mut found = Vec::new();
-        let mut compare = |code, what: &str, key: &str, estimate: Option<Estimate>, set: f64| {
-            let Some(Estimate {
-                value,
-                sigma: Some(sigma),
-            }) = estimate
-            else {
-                return;
-            };
-            if (value - set).abs() > (3.0 * sigma).max(NEGLIGIBLE_S) {
-                found.push(Warning {
-                    code,
-                    message: format!(
-                        "{what} {value:.4} ± {sigma:.4} s, and the run takes {set:.4} s"
-                    ),
-                    remedy: format!(
-                        "use what the data say with `--time-offset auto`, or set {key} = {value:.4}"
-                    ),
-                });
-            }
-        };
-        compare(
-            "time_offset",
-            "to meet the clock of GNSS positions, IMU stamps need",
-            "gnss.time_offset_s",
-            self.offset_found,
-            config.gnss.time_offset_s,
-        );
-        compare(
-            "velocity_lag",
-            "GNSS velocity is stamped later than its position, by",
-            "gnss.velocity_lag_s",
-            self.lag_found,
-            config.gnss.velocity_lag_s,
-        );
         found
     }
 }

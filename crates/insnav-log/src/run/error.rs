@@ -1,7 +1,7 @@
 //! Why a run did not come to its end.
 
 use super::saved::StateError;
-use crate::{ConfigError, LogError};
+use crate::{ConfigError, Finding, LogError};
 use insnav_core::error::Error as CoreError;
 
 /// Why a run failed.
@@ -62,6 +62,14 @@ pub enum RunError {
         /// Last IMU stamp, s after the run's zero.
         imu_end: f64,
     },
+    /// Data that would give no solution worth the name.
+    #[error("{}: {}{}", finding.evidence, finding.consequence, more(*others))]
+    Unusable {
+        /// What is wrong.
+        finding: Box<Finding>,
+        /// How many more findings of that kind there are.
+        others: usize,
+    },
     /// Nearly all inertial samples are not finite.
     #[error("{not_finite} of {samples} inertial samples have NaN or infinity in them")]
     ImuNotFinite {
@@ -70,6 +78,13 @@ pub enum RunError {
         /// Of how many.
         samples: usize,
     },
+}
+
+fn more(others: usize) -> String {
+    match others {
+        0 => String::new(),
+        n => format!(" ({n} more of this kind: see `insnav info`)"),
+    }
 }
 
 impl RunError {
@@ -88,6 +103,7 @@ impl RunError {
             RunError::Navigator(CoreError::NotObservable { .. }) => "not_observable",
             RunError::Navigator(_) => "navigator",
             RunError::NoImu => "no_imu_samples",
+            RunError::Unusable { finding, .. } => finding.code,
             RunError::NoGnss { .. } => "no_gnss_samples",
             RunError::AllWithheld { .. } => "all_withheld",
             RunError::NoOverlap { .. } => "no_overlap",
@@ -112,6 +128,7 @@ impl RunError {
                 "give the value yourself, for example `--time-offset 0`".into()
             }
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
+            RunError::Unusable { finding, .. } => finding.remedy.clone(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
             RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes".into(),
             RunError::AllWithheld { .. } => {

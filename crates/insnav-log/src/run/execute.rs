@@ -14,6 +14,8 @@ use std::time::Instant;
 
 /// Above this standard deviation of the heading at the end (degrees) the user is told that it is not known.
 const VAGUE_HEADING_DEG: f64 = 20.0;
+/// Gaps beyond this end a run inside the navigator, which begins another.
+const LONGEST_BRIDGED_S: f64 = 5.0;
 /// Above this share of rejected measurements the user is told.
 const MANY_REJECTED: f64 = 0.1;
 
@@ -165,8 +167,14 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
         warn(
             "imu_gaps",
             format!(
-                "{} gaps in the inertial data, the longest {:.2} s, were bridged with widened uncertainty",
-                e.imu_gaps, e.longest_gap_s
+                "{} gaps in the inertial data, the longest {:.2} s, were bridged with widened uncertainty{}",
+                e.imu_gaps,
+                e.longest_gap_s,
+                if e.longest_gap_s > LONGEST_BRIDGED_S {
+                    "; where one was longer than 5 s the navigation started anew after it"
+                } else {
+                    ""
+                }
             ),
             "record with a larger queue for the IMU topic",
         );

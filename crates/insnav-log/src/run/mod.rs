@@ -27,6 +27,7 @@ mod withhold;
 pub use clocks::Clocks;
 pub use error::RunError;
 pub use known_start::KnownStart;
+pub use oddities::find;
 pub use plan::{Plan, RunOptions};
 pub use report::{
     AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, RunReport, StopReport,

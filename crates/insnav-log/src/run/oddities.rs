@@ -1,25 +1,23 @@
-//! What looks wrong in the data without making a run impossible, each with what mends it.
+//! Findings of a source: what looks wrong in it, before a run or for `info`.
 
 use super::RunError;
 use super::report::Warning;
+use super::source::Source;
 use super::survey::Survey;
-use crate::{Log, Role};
-use insnav_core::measurement::{UNSTATED_POSITION_SIGMA, UNSTATED_VELOCITY_SIGMA};
-
-fn warning(code: &'static str, message: String, remedy: &str) -> Warning {
-    Warning {
-        code,
-        message,
-        remedy: remedy.into(),
-    }
-}
+use super::withhold::{Withhold, Withholding};
+use crate::findings::{self, Facts};
+use crate::{Finding, Log, Role, Severity, SourceFacts};
+use insnav_core::config::Config;
+use insnav_core::time::Time;
 
 pub(super) fn lever_arm_unknown() -> Warning {
-    warning(
-        "lever_arm_unknown",
-        "the lever arm from IMU to antenna is not known and taken as zero".into(),
-        "measure it and put it into the config: [gnss] lever_arm_b_m = [forward, right, down]",
-    )
+    Warning {
+        code: "lever_arm_unknown",
+        message: "the lever arm from IMU to antenna is not known and taken as zero".into(),
+        remedy:
+            "measure it and put it into the config: [gnss] lever_arm_b_m = [forward, right, down]"
+                .into(),
+    }
 }
 
 impl Log {
@@ -28,174 +26,98 @@ impl Log {
         let recovery = self.recovery().filter(|recovery| !recovery.is_clean())?;
         let begin = self.time_range().map(|(first, _)| first);
         let zero = self.t0().ok().flatten().or(begin).unwrap_or_default();
-        let message = format!(
-            "{}: damaged, recovered: {}",
-            self.path().display(),
-            recovery.account(zero)
-        );
-        Some(warning(
-            "recovered",
-            message,
-            "copy the file again from its origin; what is lost is bridged like any other gap",
-        ))
+        Some(Warning {
+            code: "recovered",
+            message: format!(
+                "{}: damaged, recovered: {}",
+                self.path().display(),
+                recovery.account(zero)
+            ),
+            remedy:
+                "copy the file again from its origin; what is lost is bridged like any other gap"
+                    .into(),
+        })
     }
 }
 
-/// By the messages of a log: what is dropped on the way to samples, and stamps that are not in order.
-pub(super) fn oddities_of_log(log: &Log) -> Result<Vec<Warning>, RunError> {
-    let mut found: Vec<Warning> = log.recovery_warning().into_iter().collect();
-    let statistics = log.statistics()?;
-    for role in [Role::Imu, Role::GnssPosition, Role::GnssVelocity] {
-        let Some(s) = log.selected().topic(role).and_then(|i| statistics.get(i)) else {
-            continue;
-        };
-        let mut warn = |code, count: u64, what: &str, remedy: &str| {
-            if count > 0 {
-                found.push(warning(
-                    code,
-                    format!("{}: {count} of {} messages {what}", s.topic, s.count),
-                    remedy,
-                ));
-            }
-        };
-        warn(
-            "no_fix",
-            s.no_fix,
-            "say that the receiver has no fix and were dropped",
-            "nothing, if the sky was obstructed there",
-        );
-        warn(
-            "zero_position",
-            s.zero_position,
-            "have latitude and longitude zero and were dropped",
-            "mark them as no fix in the driver",
-        );
-        if role != Role::Imu {
-            // The navigator itself tells of inertial samples that are not finite.
-            warn(
-                "not_finite",
-                s.not_finite,
-                "have NaN or infinity in them and were dropped",
-                "mark them as no fix in the driver",
-            );
-        }
-        warn(
-            "unstamped",
-            s.unstamped,
-            "have no stamp; their log time is taken",
-            "let the driver stamp its messages, or take all times from the recorder with `--time log`",
-        );
-        warn(
-            "backward_steps",
-            s.backward_steps,
-            "have an earlier stamp than the one before and were put into their place",
-            "check the driver's clock and the recorder's queue",
-        );
-    }
-    Ok(found)
+/// Statistics of the topics in use, and how the log is read.
+pub(super) fn facts_of_log(log: &Log) -> Result<SourceFacts, RunError> {
+    let mut statistics = log.statistics()?.into_iter().map(Some).collect::<Vec<_>>();
+    let roles = [Role::Imu, Role::GnssPosition, Role::GnssVelocity];
+    let topics = roles
+        .into_iter()
+        .filter_map(|role| {
+            let index = log.selected().topic(role)?;
+            Some((role, statistics.get_mut(index)?.take()?))
+        })
+        .collect();
+    let imu = log.selected().topic(Role::Imu);
+    let others = log.topics().iter().enumerate();
+    Ok(SourceFacts {
+        topics,
+        options: Some(log.options().clone()),
+        recovered: log.recovery_warning(),
+        other_imu_topics: others
+            .filter(|(i, t)| Some(*i) != imu && t.serves(Role::Imu) && t.count > 0)
+            .map(|(_, t)| t.name.clone())
+            .collect(),
+    })
 }
 
-/// By the samples: units, axes and gravity of the IMU, sigmas of the receiver.
-pub(super) fn looks_wrong(survey: &Survey) -> Vec<Warning> {
-    let mut found = Vec::new();
-    let mut warn = |code, message: String, remedy: &str| found.push(warning(code, message, remedy));
-    if let (Some(mean), Some(length)) = (survey.mean_force_b, survey.mean_force_length) {
-        if (0.7..1.5).contains(&length) {
-            warn(
-                "imu_in_g",
-                format!(
-                    "the mean specific force is {length:.2}: the IMU seems to give g instead of m/s²"
-                ),
-                "multiply the accelerations by 9.80665 in the driver",
-            );
-        } else if length < 5.0 {
-            warn(
-                "gravity_removed",
-                format!(
-                    "the mean specific force is {length:.2} m/s²: gravity seems to be taken out"
-                ),
-                "let the driver publish the raw acceleration, with gravity",
-            );
-        } else if mean.z > 5.0 {
-            warn(
-                "imu_upside_down",
-                format!(
-                    "the mean specific force along the body's down axis is {:.1} m/s², where −9.8 is expected",
-                    mean.z
-                ),
-                "take the other axes with `--imu-axes frd` (or flu), or give the mounting: `--imu-mounting-deg roll=180`",
-            );
-        } else if mean.z > -5.0 {
-            warn(
-                "imu_tilted",
-                format!(
-                    "the mean specific force is ({:.1}, {:.1}, {:.1}) m/s² forward, right, down: the IMU is not mounted level",
-                    mean.x, mean.y, mean.z
-                ),
-                "give the mounting: `--imu-mounting-deg roll=…,pitch=…,yaw=…`",
-            );
+/// All findings of a source; the clocks' come later, from their search.
+pub(super) fn findings_of(
+    facts: &SourceFacts,
+    survey: &Survey,
+    config: &Config,
+    origin: Time,
+    withhold: &Withhold,
+) -> Vec<Finding> {
+    // What is withheld is mended: nothing more is to be said of it.
+    let shorter = match withhold {
+        Withhold::Intervals(_) => {
+            let epochs = survey.positions.iter().map(|p| p.time).collect();
+            let withholding = Withholding::new(withhold.clone(), origin, epochs);
+            let mut survey = survey.clone();
+            survey.positions.retain(|p| !withholding.takes(p.time));
+            Some(survey)
         }
-    }
-    let mut sigma = |code, missing: usize, all: usize, what: &str, taken: String, remedy: &str| {
-        if missing > 0 {
-            warn(
-                code,
-                format!("{missing} of {all} {what} state no sigma: {taken} is taken for each axis"),
-                remedy,
-            );
-        }
+        _ => None,
     };
-    sigma(
-        "position_sigma_missing",
-        survey.positions_without_sigma(),
-        survey.positions.len(),
-        "positions",
-        format!("{UNSTATED_POSITION_SIGMA} m"),
-        "let the driver fill the covariance; gnss.sigma_scale makes it smaller or larger",
-    );
-    sigma(
-        "velocity_sigma_missing",
-        survey.velocities_without_sigma(),
-        survey.velocities.len(),
-        "velocities",
-        format!("{UNSTATED_VELOCITY_SIGMA} m/s"),
-        "let the driver fill the covariance (TwistWithCovarianceStamped)",
-    );
-    if survey.velocities.is_empty() {
-        warn(
-            "no_gnss_velocity",
-            "there is no GNSS velocity: heading is weaker, and stops are not seen".into(),
-            "record the receiver's velocity as TwistWithCovarianceStamped",
-        );
-    }
-    found
+    let survey = shorter.as_ref().unwrap_or(survey);
+    findings::all(&Facts::new(origin, config, survey, facts))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Vector3;
-
-    fn codes(force: [f64; 3]) -> Vec<&'static str> {
-        let force = Vector3::from(force);
-        let survey = Survey {
-            mean_force_b: Some(force),
-            mean_force_length: Some(force.norm()),
-            ..Survey::default()
-        };
-        looks_wrong(&survey)
-            .iter()
-            .map(|w| w.code)
-            .filter(|c| *c != "no_gnss_velocity")
-            .collect()
+/// Refuse a log whose data would give no solution worth the name.
+pub(super) fn refuse_fatal(found: &[Finding]) -> Result<(), RunError> {
+    let fatal: Vec<&Finding> = found
+        .iter()
+        .filter(|f| f.severity == Severity::Fatal)
+        .collect();
+    match fatal.as_slice() {
+        [] => Ok(()),
+        [first, ..] => Err(RunError::Unusable {
+            finding: Box::new((*first).clone()),
+            others: fatal.len() - 1,
+        }),
     }
+}
 
-    #[test]
-    fn forces_tell_units_and_axes() {
-        assert_eq!(codes([1.1, 0.0, -9.7]), [""; 0]);
-        assert_eq!(codes([0.0, 0.0, -1.0]), ["imu_in_g"]);
-        assert_eq!(codes([0.0, 0.0, 9.8]), ["imu_upside_down"]);
-        assert_eq!(codes([9.8, 0.0, 0.3]), ["imu_tilted"]);
-        assert_eq!(codes([0.1, 0.1, 0.1]), ["gravity_removed"]);
-    }
+/// Everything that looks wrong in a source, whether a run of it is possible or not.
+///
+/// # Errors
+/// Those of reading the messages; what only makes samples impossible leaves the findings about the topics.
+pub fn find(source: &(impl Source + ?Sized), config: &Config) -> Result<Vec<Finding>, RunError> {
+    let origin = source.origin()?;
+    let facts = source.facts()?;
+    let Ok(survey) = Survey::of(source) else {
+        return Ok(findings::of_topics(&facts, origin.unwrap_or_default()));
+    };
+    let origin = origin.or(survey.imu_span.map(|s| s.0)).unwrap_or_default();
+    Ok(findings_of(
+        &facts,
+        &survey,
+        config,
+        origin,
+        &Withhold::Nothing,
+    ))
 }

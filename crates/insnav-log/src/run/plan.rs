@@ -3,15 +3,16 @@
 use super::RunError;
 use super::clocks::{Clocks, find_clocks};
 use super::known_start::KnownStart;
-use super::oddities::{lever_arm_unknown, looks_wrong};
+use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
 use super::report::Warning;
 use super::saved::SavedRun;
 use super::source::Source;
 use super::survey::Survey;
 use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
+use crate::findings;
 use crate::log::METADATA_T0;
-use crate::{SinkOptions, config_text};
+use crate::{Finding, SinkOptions, config_text};
 use insnav_core::config::{Config, NoiseConfig, Nonholonomic, VehicleKind};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
@@ -28,6 +29,8 @@ use std::time::Instant;
 pub struct RunOptions {
     /// Find both clock offsets in the data and use them.
     pub time_offset_auto: bool,
+    /// Look for clock offsets as thoroughly as if they were to be used.
+    pub thorough_clocks: bool,
     /// Do not look for clock offsets at all; else they are looked for and, when large, warned of.
     pub ignore_clocks: bool,
     /// Fixes to keep from the navigator.
@@ -53,7 +56,11 @@ pub struct Plan {
     pub wheels: Option<WheelReport>,
     /// What the data hold.
     pub survey: Survey,
-    /// What the user should know.
+    /// Whether the lever arm is known; else zero is taken.
+    pub lever_arm_known: bool,
+    /// What is wrong with the data.
+    pub findings: Vec<Finding>,
+    /// What the user should know, the findings among it.
     pub warnings: Vec<Warning>,
     pub(super) withhold: Withhold,
     /// Stamps of the fixes of parts before this one, where withholding counts them.
@@ -79,8 +86,11 @@ impl Plan {
         check(&survey)?;
         let (first, _) = survey.imu_span.ok_or(RunError::NoImu)?;
         let origin = source.origin()?.unwrap_or(first);
-        let mut warnings = source.oddities()?;
-        warnings.extend(looks_wrong(&survey));
+        let facts = source.facts()?;
+        let findings = findings_of(&facts, &survey, &config, origin, &options.withhold);
+        refuse_fatal(&findings)?;
+        let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
+        warnings.extend(findings::warnings(&findings));
 
         let grade_picked = config.imu.grade.is_none();
         // A log of a few seconds tells nothing: the worst class is then the honest one.
@@ -92,8 +102,10 @@ impl Plan {
         if let Some(floor) = &survey.noise_floor {
             state_white_noise(&mut config.noise, &grade.noise(), floor);
         }
+        let mut lever_arm_known = true;
         if config.gnss.lever_arm_b_m.is_none() {
             let known = source.lever_arm_b()?;
+            lever_arm_known = known.is_some();
             if known.is_none() {
                 warnings.push(lever_arm_unknown());
             }
@@ -108,6 +120,8 @@ impl Plan {
             clocks: Clocks::default(),
             wheels: None,
             survey,
+            lever_arm_known,
+            findings,
             warnings,
             withhold: options.withhold.clone(),
             epochs_before: Vec::new(),
@@ -122,7 +136,11 @@ impl Plan {
             return Err(RunError::AllWithheld { positions });
         }
         if !options.ignore_clocks {
-            let clocks = find_clocks(source, &plan, options.time_offset_auto)?;
+            let clocks = find_clocks(
+                source,
+                &plan,
+                options.time_offset_auto || options.thorough_clocks,
+            )?;
             plan.take_clocks(clocks, options.time_offset_auto);
         }
         if let Some(start) = options.start {
@@ -147,6 +165,11 @@ impl Plan {
         let begin = Instant::now();
         let survey = Survey::of(source)?;
         survey.imu_span.ok_or(RunError::NoImu)?;
+        let facts = source.facts()?;
+        // What the motion shows was judged with the first part.
+        let findings = findings::of_topics(&facts, saved.origin);
+        let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
+        warnings.extend(findings::warnings(&findings));
         Ok(Plan {
             config: saved.complete_config()?,
             origin: saved.origin,
@@ -155,7 +178,9 @@ impl Plan {
             clocks: saved.clocks,
             wheels: None,
             survey,
-            warnings: source.oddities()?,
+            lever_arm_known: true,
+            findings,
+            warnings,
             withhold: options.withhold.clone(),
             epochs_before: saved.epochs.clone(),
             given: saved.given.clone(),
@@ -255,7 +280,9 @@ impl Plan {
             let has_velocity = !self.survey.velocities.is_empty();
             self.warnings.extend(clocks.not_observable(has_velocity));
         } else {
-            self.warnings.extend(clocks.differences(&self.config));
+            let found = findings::of_clocks(clocks.offset_found, clocks.lag_found, &self.config);
+            self.warnings.extend(findings::warnings(&found));
+            self.findings.extend(found);
         }
         self.clocks = clocks;
     }

@@ -1,11 +1,10 @@
 //! Where samples come from and where a solution goes.
 
 use super::RunError;
-use super::oddities::oddities_of_log;
-use super::report::Warning;
+use super::oddities::facts_of_log;
 use crate::samples::{ReaderState, Samples};
 use crate::sink::SinkState;
-use crate::{Log, McapSink, Role};
+use crate::{Log, McapSink, Role, SourceFacts};
 use insnav_core::sample::{GnssPosition, Sample};
 use insnav_core::solution::Sink;
 use insnav_core::time::Time;
@@ -83,9 +82,9 @@ pub trait Source {
         Ok(None)
     }
 
-    /// What is odd about the data before they become samples.
-    fn oddities(&self) -> Result<Vec<Warning>, RunError> {
-        Ok(Vec::new())
+    /// What the source tells besides its samples, for findings.
+    fn facts(&self) -> Result<SourceFacts, RunError> {
+        Ok(SourceFacts::default())
     }
 
     /// Refuse a source that has no inertial data or no positions, if that can be told without reading it.
@@ -132,8 +131,8 @@ impl Source for Log {
         Ok(Log::lever_arm_b(self)?)
     }
 
-    fn oddities(&self) -> Result<Vec<Warning>, RunError> {
-        oddities_of_log(self)
+    fn facts(&self) -> Result<SourceFacts, RunError> {
+        facts_of_log(self)
     }
 
     fn check(&self) -> Result<(), RunError> {

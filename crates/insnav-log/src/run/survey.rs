@@ -1,11 +1,11 @@
 //! What a source holds, in one pass before the run: enough to choose settings and to say what looks wrong.
 
 use super::{RunError, Source};
+use crate::findings::{BlockMeter, Blocks};
 use insnav_core::metrics::{Stop, StopFinder};
 use insnav_core::noise_floor::{NoiseFloor, NoiseMeter};
 use insnav_core::sample::{GnssPosition, GnssVelocity, Sample};
 use insnav_core::time::Time;
-use nalgebra::Vector3;
 
 /// A source at a glance.
 #[derive(Clone, Debug, Default)]
@@ -24,35 +24,25 @@ pub struct Survey {
     pub stops: Vec<Stop>,
     /// Noise of the inertial unit while it is quietest; `None` on logs of a few seconds.
     pub noise_floor: Option<NoiseFloor>,
-    /// Mean specific force, body axes, m/s²; `None` when the unit gives increments.
-    pub mean_force_b: Option<Vector3<f64>>,
-    /// Mean length of the specific force, m/s².
-    pub mean_force_length: Option<f64>,
+    /// Inertial data in tenths of a second.
+    pub(crate) imu_blocks: Blocks,
 }
 
 impl Survey {
     /// Read a source once.
     pub fn of(source: &(impl Source + ?Sized)) -> Result<Self, RunError> {
         let mut survey = Survey::default();
-        let (mut sum, mut lengths, mut rates) = (Vector3::zeros(), 0.0, 0_usize);
+        let mut blocks = BlockMeter::default();
         let mut meter = NoiseMeter::default();
         for sample in source.samples()? {
             let sample = sample?;
             meter.push(&sample);
+            blocks.push(&sample);
             match sample {
                 Sample::Imu(s) => {
                     survey.saw_imu(s.time);
-                    if s.specific_force_b
-                        .iter()
-                        .chain(s.angular_rate_b.iter())
-                        .all(|x| x.is_finite())
-                    {
-                        sum += s.specific_force_b;
-                        lengths += s.specific_force_b.norm();
-                        rates += 1;
-                    } else {
-                        survey.imu_not_finite += 1;
-                    }
+                    let sum = s.specific_force_b.sum() + s.angular_rate_b.sum();
+                    survey.imu_not_finite += usize::from(!sum.is_finite());
                 }
                 Sample::ImuIncrement(s) => {
                     survey.saw_imu(s.time);
@@ -76,10 +66,7 @@ impl Survey {
             finder.push_speed(v.time, v.velocity_n.xy().norm());
         }
         survey.stops = finder.finish();
-        if rates > 0 {
-            survey.mean_force_b = Some(sum / rates as f64);
-            survey.mean_force_length = Some(lengths / rates as f64);
-        }
+        survey.imu_blocks = blocks.finish();
         Ok(survey)
     }
 
