@@ -3,7 +3,7 @@
 use crate::solution::{Epoch, Sink};
 use crate::time::Time;
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Between two looks, s.
 const INTERVAL: f64 = 0.2;
@@ -53,7 +53,7 @@ struct Block {
 }
 
 /// How far a solution moves where its body points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WheelReport {
     /// Standard deviation of the direction of motion against the body, sideways, degrees.
     pub side_std_deg: f64,

@@ -70,6 +70,11 @@ impl ConfigError {
     /// What the user can do about it.
     pub fn remedy(&self) -> String {
         match self {
+            ConfigError::Read { source, .. }
+                if source.kind() == std::io::ErrorKind::IsADirectory =>
+            {
+                "that is a folder: give a file in it".into()
+            }
             ConfigError::Read { .. } => "check the path and its permissions".into(),
             ConfigError::Syntax { .. } => {
                 "the file is TOML: sections in [brackets], lines like key = 1.5".into()

@@ -134,6 +134,8 @@ pub fn csv_to_mcap(
     if let Some(gnss) = gnss {
         summary.gnss_position = gnss.positions.len() as u64;
         summary.gnss_velocity = gnss.velocities.len() as u64;
+        let columns = gnss.ignored.iter().map(|c| (*c).to_owned());
+        summary.ignored.extend(columns);
         summary.quality.clone_from(&gnss.quality);
         summary.warnings.clone_from(&gnss.warnings);
         summary.warnings.extend(apart(&samples, &gnss, inputs));

@@ -96,16 +96,14 @@ impl OutputFile {
                 length: 0,
             });
         }
+        let name = target.file_name().filter(|_| !target.is_dir());
+        let Some(name) = name else {
+            return Err(unwritable(io::Error::from(io::ErrorKind::IsADirectory)));
+        };
         if !overwrite && target.exists() {
             return Err(LogError::OutputExists {
                 path: target.into(),
             });
-        }
-        let Some(name) = target.file_name() else {
-            return Err(unwritable(io::Error::from(io::ErrorKind::IsADirectory)));
-        };
-        if target.is_dir() {
-            return Err(unwritable(io::Error::from(io::ErrorKind::IsADirectory)));
         }
         let mut temporary_name = std::ffi::OsString::from(".");
         temporary_name.push(name);

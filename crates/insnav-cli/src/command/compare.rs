@@ -25,11 +25,11 @@ pub(crate) struct Compare {
     reference: PathBuf,
 
     /// Leave out what is before, seconds from the time origin
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_hyphen_values = true)]
     from: Option<f64>,
 
     /// Leave out what is after
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_hyphen_values = true)]
     to: Option<f64>,
 
     /// Whose clock stamped the reference: solutions are on that of GNSS positions, a reference may be on the IMU's
@@ -67,6 +67,11 @@ enum ReferenceClock {
 struct Limit {
     key: String,
     value: f64,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|s: &f64| s.is_finite());
+    number.ok_or_else(|| "a number of seconds is needed".into())
 }
 
 fn limit(text: &str) -> Result<Limit, String> {
@@ -162,6 +167,14 @@ fn doubts(name: &str, c: &Comparison) -> Vec<Warning> {
 
 impl Compare {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        if let (Some(from), Some(to)) = (self.from, self.to)
+            && from >= to
+        {
+            return Err(Failure::usage(
+                format!("--from {from} --to {to}: nothing lies between"),
+                "give a begin before the end",
+            ));
+        }
         let rows = if self.solution.is_dir() && self.reference.is_dir() {
             let pairs = pairs(&self.solution, &self.reference)?;
             pairs
@@ -246,9 +259,14 @@ impl Compare {
             return Err(Failure::new(
                 "no_overlap",
                 format!(
-                    "{} and {} have no instant in common: {}, {}",
+                    "{} and {} have no instant in common{}: {}, {}",
                     solution_path.display(),
                     reference_path.display(),
+                    if self.from.is_some() || self.to.is_some() {
+                        " between --from and --to"
+                    } else {
+                        ""
+                    },
                     extent(
                         "solution",
                         solution

@@ -240,6 +240,12 @@ impl Run {
                 "name the output with -o",
             ));
         }
+        if !self.also.is_empty() && jobs.iter().any(|job| is_standard_stream(&job.output)) {
+            return Err(Failure::usage(
+                "--also writes beside the output, and standard output has no place of its own",
+                "name a file with -o",
+            ));
+        }
         if jobs.len() > 1 && (self.save_state.is_some() || self.resume.is_some()) {
             return Err(Failure::usage(
                 "--save-state and --resume are for one log at a time",

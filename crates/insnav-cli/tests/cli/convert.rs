@@ -21,6 +21,8 @@ fn tables_to_a_log_and_back() {
     ]);
     assert_eq!(done.code, 0, "{}", done.stderr);
     assert_eq!(done.json()["imu_samples"], 2);
+    // What has no place in messages is said.
+    assert_eq!(done.json()["ignored"], serde_json::json!(["fix"]));
     let done = insnav_json([
         "convert",
         &folder.text("drive.mcap"),

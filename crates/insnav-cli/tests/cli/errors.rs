@@ -268,6 +268,11 @@ fn wrong_usage_ends_with_two() {
         vec!["compare", "a", "b", "--max", "horizontal_rms_m"],
         vec!["run", "-", "-o", "x.mcap", "--time-offset", "auto"],
         vec!["run", "-"],
+        vec!["run", "x.mcap", "-o", "-", "--also", "kml"],
+        vec!["run", "x.mcap", "--jobs", "0"],
+        vec!["compare", "a", "b", "--from", "nan"],
+        vec!["compare", "a", "b", "--from", "5", "--to", "4"],
+        vec!["convert", "a.csv", "-o", "b.mcap", "--t0", "1e30"],
     ] {
         insnav_json(&arguments).failed(2, "usage");
         let text = insnav(&arguments);

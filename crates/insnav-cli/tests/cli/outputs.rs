@@ -98,6 +98,36 @@ fn withholding_everything_is_named_as_the_cause() {
 }
 
 #[test]
+fn a_folder_in_place_of_a_file_is_said() {
+    let folder = Folder::with_drive();
+    std::fs::create_dir(folder.path("sub")).unwrap();
+    let (log, sub, x) = (
+        folder.text("drive.mcap"),
+        folder.text("sub"),
+        folder.text("x.mcap"),
+    );
+    for arguments in [
+        vec!["info", &sub],
+        vec!["compare", &sub, &log],
+        vec!["run", &log, "-c", &sub],
+        vec!["run", &log, "--resume", &sub],
+        vec!["simulate", &sub, "-o", &x],
+        vec!["run", &log, "-o", &x, "--save-state", &sub],
+    ] {
+        let done = insnav_json(&arguments);
+        assert_eq!(done.code, 1, "{arguments:?}");
+        let error = &done.json()["error"];
+        let text = |key: &str| error[key].as_str().unwrap().to_lowercase();
+        assert!(
+            text("message").contains("is a directory"),
+            "{arguments:?}: {error}"
+        );
+        assert!(text("remedy").contains("folder"), "{arguments:?}: {error}");
+    }
+    assert_eq!(folder.names(), ["drive.mcap", "sub"]);
+}
+
+#[test]
 fn shells_and_manuals() {
     for (shell, part) in [
         ("bash", "complete -F _insnav"),

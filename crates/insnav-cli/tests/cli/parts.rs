@@ -1,12 +1,16 @@
 //! A drive in parts: put aside and gone on with, the output is that of one run.
 
-use crate::fixture::{Folder, drive, insnav_json, messages, rewrite, write_log};
+use crate::fixture::{Folder, drive, insnav_json, messages, recordings, rewrite, write_log};
 use insnav_core::sample::Sample;
+use insnav_core::time::Time;
 
 /// Cut `drive.mcap` in two at a log time, s after the begin: `a.mcap` and `b.mcap`.
 fn cut(folder: &Folder, at_s: f64) {
-    let begin = drive().samples[0].time().0 as u64;
-    let at = begin + (at_s * 1e9) as u64;
+    cut_at(folder, drive().samples[0].time(), at_s);
+}
+
+fn cut_at(folder: &Folder, begin: Time, at_s: f64) {
+    let at = begin.plus(at_s).0 as u64;
     let drive = folder.path("drive.mcap");
     for (name, first) in [("a.mcap", true), ("b.mcap", false)] {
         rewrite(&drive, &folder.path(name), |m| {
@@ -78,6 +82,53 @@ fn two_parts_are_one_run_to_the_last_bit() {
         assert_eq!(second["withheld"], whole["withheld"]);
         assert!(first["imu_samples"].as_u64() < whole["imu_samples"].as_u64());
     }
+}
+
+/// A real car, cut in the middle of a turn, with the clocks found in the first part.
+#[test]
+fn a_real_drive_in_two_parts() {
+    let Some(recording) = recordings("rtkexp_drive_0708") else {
+        return;
+    };
+    let folder = Folder::new();
+    let (from, to) = (recording.display().to_string(), folder.text("drive.mcap"));
+    let done = insnav_json(["convert", &from, "-o", &to]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    cut_at(&folder, Time::from_seconds(1.6e9), 300.0);
+    let state = folder.text("run.state");
+    let auto = [
+        "--time-offset",
+        "auto",
+        "--force",
+        "--set",
+        "gnss.lever_arm_b_m=[0.5, 0, -1]",
+    ];
+    let saving: Vec<&str> = [&auto[..], &["--save-state", &state]].concat();
+    let first = run(&folder, "a.mcap", "a.out.mcap", &saving);
+    assert!(
+        first["time_offset_s"]["sigma"].is_number(),
+        "found in the first part"
+    );
+    let second = run(
+        &folder,
+        "b.mcap",
+        "b.out.mcap",
+        &[
+            "--resume",
+            &state,
+            "--set",
+            "gnss.lever_arm_b_m=[0.5, 0, -1]",
+        ],
+    );
+    assert_eq!(first["time_offset_s"], second["time_offset_s"]);
+    // One run with what the first part chose.
+    std::fs::write(folder.path("car.toml"), first["config"].as_str().unwrap()).unwrap();
+    let settings = folder.text("car.toml");
+    run(&folder, "drive.mcap", "whole.mcap", &["-c", &settings]);
+    let mut parts = messages(&folder.path("a.out.mcap"));
+    parts.extend(messages(&folder.path("b.out.mcap")));
+    let whole = messages(&folder.path("whole.mcap"));
+    assert!(whole.len() > 100_000 && parts == whole);
 }
 
 /// Clocks, noise and lever arm stay as the first part chose them, although the second has no transforms and other noise.

@@ -41,9 +41,12 @@ pub fn write_imu(path: &Path, table: &ImuTable, force: bool) -> Result<(), LogEr
 /// Write a `gnss.csv` (gzip if the name ends in `.gz`); what is not known is `nan`.
 pub fn write_gnss(path: &Path, table: &GnssTable, force: bool) -> Result<(), LogError> {
     write(path, force, |out| {
+        // Of a log there is no such code: a column of nothing would only look like one.
+        let coded = table.fix.iter().any(|code| !code.is_nan());
         writeln!(
             out,
-            "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,sn,se,sd,svn,sve,svd,fix"
+            "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,sn,se,sd,svn,sve,svd{}",
+            if coded { ",fix" } else { "" }
         )?;
         for (i, t) in table.t_s.iter().enumerate() {
             let at = table.position[i];
@@ -61,7 +64,10 @@ pub fn write_gnss(path: &Path, table: &GnssTable, force: bool) -> Result<(), Log
             ] {
                 write!(out, ",{},{},{}", Cell(v.x), Cell(v.y), Cell(v.z))?;
             }
-            writeln!(out, ",{}", Cell(table.fix[i]))?;
+            if coded {
+                write!(out, ",{}", Cell(table.fix[i]))?;
+            }
+            writeln!(out)?;
         }
         Ok(())
     })

@@ -66,6 +66,8 @@ pub struct GnssTrack {
     pub velocities: Vec<GnssVelocity>,
     /// Positions by the kind of fix, as the file names it.
     pub quality: BTreeMap<&'static str, u64>,
+    /// Columns that have no place in samples.
+    pub ignored: Vec<&'static str>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -104,7 +106,10 @@ impl GnssTrack {
 fn from_csv(path: &Path, t0: Time) -> Result<GnssTrack, LogError> {
     let table = csv::read_gnss(path)?;
     let rows = 0..table.t_s.len();
+    // A receiver's own code of the kind of fix: no message has the same codes for all receivers.
+    let coded = table.fix.iter().any(|code| !code.is_nan());
     Ok(GnssTrack {
+        ignored: if coded { vec!["fix"] } else { Vec::new() },
         positions: rows
             .clone()
             .filter_map(|row| table.position_sample(row, t0))

@@ -87,6 +87,7 @@ impl Plan {
                 grade: self.grade,
                 grade_picked: self.grade_picked,
                 clocks: self.clocks,
+                wheels: self.wheels,
                 reader: samples.state(),
                 navigator: navigator.clone(),
                 totals: tally.totals.clone(),

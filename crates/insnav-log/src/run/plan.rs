@@ -176,7 +176,7 @@ impl Plan {
             grade: saved.grade,
             grade_picked: saved.grade_picked,
             clocks: saved.clocks,
-            wheels: None,
+            wheels: saved.wheels,
             survey,
             lever_arm_known: true,
             findings,

@@ -13,6 +13,7 @@ use insnav_core::config::Config;
 use insnav_core::imu::ImuGrade;
 use insnav_core::navigator::Navigator;
 use insnav_core::time::Time;
+use insnav_core::wheeled::WheelReport;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -43,6 +44,7 @@ pub struct SavedRun {
     pub(super) grade: ImuGrade,
     pub(super) grade_picked: bool,
     pub(super) clocks: Clocks,
+    pub(super) wheels: Option<WheelReport>,
     pub(super) reader: ReaderState,
     pub(super) navigator: Navigator,
     pub(super) totals: Totals,

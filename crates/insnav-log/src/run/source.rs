@@ -118,8 +118,14 @@ impl Source for Log {
     fn reading(&self) -> String {
         let o = self.options();
         format!(
-            "axes {:?}, mounting {:?}, stamps {:?}, window {} s, geoid {} m",
-            o.imu_axes, o.imu_mounting_rpy_deg, o.time_source, o.reorder_window_s, o.geoid_height_m
+            "axes {:?}, mounting {:?}, units {:?}, velocity {:?}, stamps {:?}, window {} s, geoid {} m",
+            o.imu_axes,
+            o.imu_mounting_rpy_deg,
+            o.imu_units,
+            o.gnss_velocity_axes,
+            o.time_source,
+            o.reorder_window_s,
+            o.geoid_height_m
         )
     }
 
