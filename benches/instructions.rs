@@ -59,7 +59,7 @@ fn main() {
             (0..CALLS).for_each(|_| counted_dynamics(&mut phi, &p, black_box(&interval)));
         }
         "step" => {
-            let mut filter = setup::filter();
+            let mut filter = setup::filter_of(states);
             (0..CALLS).for_each(|_| counted_step(&mut filter));
         }
         "fix" => {

@@ -12,6 +12,7 @@ counts=(
     "update 21 5559"
     "dynamics 15 912"
     "step 15 8151"
+    "step 21 13600"
     "fix 15 5280"
 )
 

@@ -6,13 +6,16 @@
 mod setup;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use insnav::filter::{CAPACITY, Gate, Transition, fill_base};
+use insnav::filter::{CAPACITY, Eskf, Gate, Transition, fill_base};
 use nalgebra::{DMatrix, SMatrix, Vector3};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 /// The most the kernel may take of the naive product's time at 15 states.
 const LARGEST_RATIO: f64 = 0.45;
+
+/// The most a step with scale factors (21 states) may take of one without.
+const LARGEST_STEP_RATIO: f64 = 1.7;
 
 /// Φ as a static matrix.
 fn dense<const N: usize>(phi: &Transition) -> SMatrix<f64, N, N> {
@@ -77,10 +80,18 @@ fn ratio(_: &mut Criterion) {
             "{n} states: ratio above {LARGEST_RATIO}"
         );
     }
-    let mut filter = setup::filter();
-    let step = fastest(400, 100, || {
-        filter.propagate(black_box(&setup::increment(filter.nominal().nav.time)));
-    });
+    let (mut base, mut scaled) = (setup::filter(), setup::filter_of(21));
+    let (mut step, mut step_21) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..100 {
+        step = step.min(fastest(4, 100, || next_step(&mut base)));
+        step_21 = step_21.min(fastest(4, 100, || next_step(&mut scaled)));
+    }
+    let ratio = step_21 / step;
+    println!("whole step: 15 states {step:.0} ns, 21 states {step_21:.0} ns, ratio {ratio:.3}");
+    assert!(
+        ratio <= LARGEST_STEP_RATIO,
+        "21 states: ratio above {LARGEST_STEP_RATIO}"
+    );
     let (mut filter, mut gate) = (setup::filter(), Gate::default());
     let fix = setup::fix(&filter);
     // Used over and over: the covariance shrinks towards the fix's, and the work stays the same.
@@ -88,7 +99,11 @@ fn ratio(_: &mut Criterion) {
         let time = filter.nominal().nav.time;
         black_box(filter.update(black_box(&fix), time, &mut gate)).expect("positive definite");
     });
-    println!("15 states: whole step {step:.0} ns, GNSS position {update:.0} ns");
+    println!("15 states: GNSS position {update:.0} ns");
+}
+
+fn next_step(filter: &mut Eskf) {
+    filter.propagate(black_box(&setup::increment(filter.nominal().nav.time)));
 }
 
 fn parts(c: &mut Criterion) {
@@ -126,10 +141,10 @@ fn parts(c: &mut Criterion) {
 }
 
 fn whole(c: &mut Criterion) {
-    let mut filter = setup::filter();
-    c.bench_function("step/15", |b| {
-        b.iter(|| filter.propagate(black_box(&setup::increment(filter.nominal().nav.time))));
-    });
+    for n in [15, 21] {
+        let mut filter = setup::filter_of(n);
+        c.bench_function(&format!("step/{n}"), |b| b.iter(|| next_step(&mut filter)));
+    }
     let filter = setup::filter();
     let fix = setup::fix(&filter);
     c.bench_function("gnss position/15", |b| {

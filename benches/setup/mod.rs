@@ -2,8 +2,8 @@
 
 use insnav::earth::Geodetic;
 use insnav::filter::{
-    ACCEL_SCALE, Columns, Covariance, Eskf, GYRO_SCALE, InitialSigma, Layout, Transition, VELOCITY,
-    fill_base,
+    ACCEL_SCALE, BASE, Columns, Covariance, Eskf, GYRO_SCALE, InitialSigma, Layout, Process,
+    Processes, Transition, VELOCITY, fill_base, fill_optional,
 };
 use insnav::imu::{ImuErrors, ImuGrade, ImuNoise};
 use insnav::measurement::GnssPositionModel;
@@ -39,8 +39,8 @@ pub(crate) fn increment(time: Time) -> Increment {
     }
 }
 
-/// A filter whose states are all correlated.
-pub(crate) fn filter() -> Eskf {
+/// A filter whose states are all correlated: the base states, or with scale factors, 21.
+pub(crate) fn filter_of(states: usize) -> Eskf {
     let sigma = InitialSigma {
         position: Vector3::repeat(1.0),
         velocity: Vector3::repeat(0.1),
@@ -49,10 +49,21 @@ pub(crate) fn filter() -> Eskf {
         accel_bias: Vector3::repeat(noise().accel_bias_sigma),
     };
     let mut filter = Eskf::new(nav(), ImuErrors::default(), &sigma, noise());
+    if states == 21 {
+        let scale = Process::constant(1e-3);
+        filter.open(GYRO_SCALE, scale).expect("there is room");
+        filter.open(ACCEL_SCALE, scale).expect("there is room");
+    }
+    assert_eq!(filter.covariance().layout().len(), states);
     for _ in 0..1000 {
         filter.propagate(&increment(filter.nominal().nav.time));
     }
     filter
+}
+
+/// The filter with the base states alone.
+pub(crate) fn filter() -> Eskf {
+    filter_of(BASE)
 }
 
 /// One interval as the dynamics see it.
@@ -62,18 +73,7 @@ pub(crate) fn interval() -> Interval {
 
 /// The covariance of the filter with 15 states, or with scale factors open: 21.
 pub(crate) fn covariance(states: usize) -> Covariance {
-    let mut p = filter().covariance().clone();
-    if states == 21 {
-        let prior = Matrix3::from_diagonal_element(1e-6);
-        p.open(GYRO_SCALE, &prior).expect("there is room");
-        p.open(ACCEL_SCALE, &prior).expect("there is room");
-        let phi = transition(p.layout());
-        for _ in 0..100 {
-            p.propagate(&phi);
-        }
-    }
-    assert_eq!(p.layout().len(), states);
-    p
+    filter_of(states).covariance().clone()
 }
 
 /// Φ and Q of one step over all open states.
@@ -81,14 +81,9 @@ pub(crate) fn transition(layout: &Layout) -> Transition {
     let mut phi = Transition::default();
     let interval = interval();
     fill_base(&mut phi, layout, &interval, &noise());
-    let by_axis = |v: Vector3<f64>| interval.axes_n * Matrix3::from_diagonal(&v) * -DT;
-    phi.attitude.put(
-        layout,
-        GYRO_SCALE,
-        &by_axis(Vector3::new(0.01, -0.02, 0.15)),
-    );
-    phi.velocity
-        .put(layout, ACCEL_SCALE, &by_axis(Vector3::new(0.4, 2.1, -9.75)));
+    let (increment, errors) = (increment(Time(0)), ImuErrors::default());
+    let processes = Processes::default();
+    fill_optional(&mut phi, layout, &interval, &increment, &errors, &processes);
     phi
 }
 

@@ -33,16 +33,18 @@ impl Measurement<3> for GnssPositionModel {
 
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
         let antenna = Antenna::at(at, &self.lever_arm_b);
-        let (delay, colour_n) = (at.calibration.clock_offset, at.calibration.gnss_colour_n);
+        let delay = at.calibration.clock_offset;
+        let mut predicted_n = antenna.lever_n + at.calibration.gnss_colour_n;
         let mut h = Columns::default();
         h.put(layout, POSITION, &Matrix3::identity());
         antenna.put_lever(&mut h, layout);
         h.put(layout, GNSS_COLOUR, &Matrix3::identity());
-        h.put(layout, CLOCK_OFFSET, &-antenna.velocity_n);
-        if delay != 0.0 {
-            antenna.put_velocity(&mut h, layout, -delay);
+        if layout.has(CLOCK_OFFSET) || delay != 0.0 {
+            let motion = antenna.motion();
+            h.put(layout, CLOCK_OFFSET, &-motion.velocity_n);
+            motion.put_velocity(&mut h, layout, -delay);
+            predicted_n -= motion.velocity_n * delay;
         }
-        let predicted_n = antenna.lever_n - antenna.velocity_n * delay + colour_n;
         Linearized {
             residual: at
                 .nav

@@ -31,9 +31,10 @@ impl Measurement<3> for GnssVelocityModel {
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
         let antenna = Antenna::at(at, &self.lever_arm_b);
         let mut h = Columns::default();
-        antenna.put_velocity(&mut h, layout, 1.0);
+        let motion = antenna.motion();
+        motion.put_velocity(&mut h, layout, 1.0);
         h.put(layout, CLOCK_OFFSET, &-at.acceleration_n);
-        let predicted = antenna.velocity_n - at.acceleration_n * at.calibration.clock_offset;
+        let predicted = motion.velocity_n - at.acceleration_n * at.calibration.clock_offset;
         Linearized {
             residual: self.velocity_n - predicted,
             h,
