@@ -95,6 +95,8 @@ const INTERVAL: f64 = 0.1;
 const AXLE_SIGMA: f64 = 0.1;
 /// Slip angle of tyres by lateral acceleration, rad per m/s²: an axle that carries 750 kg on tyres of 150 kN/rad.
 const SLIP: f64 = 0.005;
+/// Who is slower may be carried, pushed or turned on the spot, m/s.
+const LEAST_SPEED: f64 = 0.5;
 /// With a heading that is known no better, which way is across is too vague for a linear filter, rad.
 const HEADING_SIGMA: f64 = 0.2;
 
@@ -147,6 +149,9 @@ impl NonholonomicAid {
             return None;
         }
         self.last = Some(now);
+        if filter.nominal().nav.velocity_n.norm() < LEAST_SPEED {
+            return None;
+        }
         let heading = filter.covariance().block(ATTITUDE, ATTITUDE)?[(2, 2)];
         if heading > HEADING_SIGMA * HEADING_SIGMA {
             return None;
