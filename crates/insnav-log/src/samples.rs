@@ -62,6 +62,13 @@ pub struct ReaderState {
     counts: SampleCounts,
 }
 
+impl ReaderState {
+    /// Aiding samples dropped so far: recorded later than the reorder window allows.
+    pub fn dropped_late(&self) -> u64 {
+        self.counts.dropped_late
+    }
+}
+
 /// Samples of a log in time order: an iterator.
 pub struct Samples<'a> {
     log: &'a Log,

@@ -163,3 +163,27 @@ fn the_settings_of_a_run_can_be_had_alone() {
     assert!(config.imu.grade.is_some() && config.gnss.lever_arm_b_m == Some([0.3, -0.4, -1.2]));
     assert_eq!(folder.names(), ["drive.mcap"], "nothing was run");
 }
+
+/// On a terminal one sees how far it is, without colour; in a pipe nothing of it is left.
+#[test]
+fn progress_is_for_terminals() {
+    let folder = Folder::with_drive();
+    let (log, to) = (folder.text("drive.mcap"), folder.text("out.mcap"));
+    let piped = insnav(["run", &log, "-o", &to]);
+    assert_eq!(piped.code, 0);
+    assert!(!piped.stderr.contains("(pass 1)"), "{}", piped.stderr);
+    let command = format!("{} run {log} -o {to} --force", env!("CARGO_BIN_EXE_insnav"));
+    let script = Command::new("script")
+        .args(["-qec", &command, "/dev/null"])
+        .env("NO_COLOR", "1")
+        .env("TERM", "xterm")
+        .stdin(Stdio::null())
+        .output();
+    let Ok(done) = script else {
+        println!("SKIPPED: there is no `script` to make a terminal with");
+        return;
+    };
+    let text = String::from_utf8_lossy(&done.stdout);
+    assert!(done.status.success() && text.contains("(pass 1)"), "{text}");
+    assert!(!text.contains("\x1b[3") && !text.contains("\x1b[1"), "{text:?}");
+}

@@ -167,3 +167,36 @@ fn late_and_shuffled_fixes_change_no_bit() {
     let warned = |report: &serde_json::Value| report["warnings"].to_string();
     assert!(!warned(&shuffled).contains("late_aiding"), "{shuffled:#}");
 }
+
+/// The drive with its fixes recorded so much later than they are stamped, those whose number `which` wants.
+fn with_latency(folder: &Folder, seconds: f64, which: fn(usize) -> bool) -> String {
+    let mut all: Vec<_> = drive().samples.iter().map(|s| (s.time(), *s)).collect();
+    let fixes = all.iter_mut().filter(|(_, s)| !s.is_inertial());
+    for (_, (recorded, _)) in fixes.enumerate().filter(|(i, _)| which(*i)) {
+        *recorded = recorded.plus(seconds);
+    }
+    all.sort_by_key(|(recorded, _)| *recorded);
+    let mut writer = LogWriter::create(&folder.path("late.mcap"), lever_arm()).unwrap();
+    for (recorded, sample) in all {
+        writer.write_recorded(&sample, recorded).unwrap();
+    }
+    writer.finish().unwrap();
+    folder.text("late.mcap")
+}
+
+/// What comes later than anybody waits for is lost, but not in silence.
+#[test]
+fn fixes_that_come_much_too_late_are_counted() {
+    let folder = Folder::new();
+    let log = with_latency(&folder, 5.0, |i| i % 50 == 3);
+    let done = insnav_json(["run", &log]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let report = done.json();
+    let warnings = report["warnings"].as_array().unwrap();
+    let late = warnings.iter().find(|w| w["code"] == "late_aiding");
+    let text = late.expect("a warning")["message"].as_str().unwrap();
+    let count: u64 = text.split(' ').next().unwrap().parse().unwrap();
+    let fixes = drive().samples.iter().filter(|s| !s.is_inertial()).count() as u64;
+    // The last ones find their places, since nothing comes after them.
+    assert!(count.abs_diff(fixes / 50) <= 2, "{count} of {fixes}");
+}

@@ -91,6 +91,7 @@ impl Plan {
         refuse_fatal(&findings)?;
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
+        warnings.extend(late_fixes(&survey));
 
         let grade_picked = config.imu.grade.is_none();
         // A log of a few seconds tells nothing: the worst class is then the honest one.
@@ -170,6 +171,7 @@ impl Plan {
         let findings = findings::of_topics(&facts, saved.origin);
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
+        warnings.extend(late_fixes(&survey));
         Ok(Plan {
             config: saved.complete_config()?,
             origin: saved.origin,
@@ -300,6 +302,18 @@ fn state_white_noise(settings: &mut NoiseConfig, class: &ImuNoise, floor: &Noise
         .get_or_insert(accel * 60.0);
 }
 
+/// Fixes that are lost since they were recorded so late.
+fn late_fixes(survey: &Survey) -> Option<Warning> {
+    (survey.late > 0).then(|| Warning {
+        code: "late_aiding",
+        message: format!(
+            "{} fixes were recorded more than a second after their stamps, when the samples of their time were used already",
+            survey.late
+        ),
+        remedy: "check the receiver's latency and clock with `insnav info`; if its stamps are wrong, `--time log` takes the recorder's".into(),
+    })
+}
+
 /// What makes a run impossible.
 fn check(survey: &Survey) -> Result<(), RunError> {
     let (first, last) = survey.imu_span.ok_or(RunError::NoImu)?;
@@ -311,7 +325,11 @@ fn check(survey: &Survey) -> Result<(), RunError> {
     }
     let (Some(a), Some(b)) = (survey.positions.first(), survey.positions.last()) else {
         return Err(RunError::NoGnss {
-            dropped_hint: "no fix with a valid position",
+            dropped_hint: if survey.late > 0 {
+                "all of them were recorded later after their stamps than a reader waits"
+            } else {
+                "no fix with a valid position"
+            },
         });
     };
     if !survey.overlaps() {

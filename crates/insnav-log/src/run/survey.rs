@@ -24,6 +24,8 @@ pub struct Survey {
     pub stops: Vec<Stop>,
     /// Noise of the inertial unit while it is quietest; `None` on logs of a few seconds.
     pub noise_floor: Option<NoiseFloor>,
+    /// Fixes that were recorded too long after their stamps to be put into their places.
+    pub late: u64,
     /// Inertial data in tenths of a second.
     pub(crate) imu_blocks: Blocks,
 }
@@ -34,7 +36,8 @@ impl Survey {
         let mut survey = Survey::default();
         let mut blocks = BlockMeter::default();
         let mut meter = NoiseMeter::default();
-        for sample in source.samples()? {
+        let mut samples = source.stream(None, false)?;
+        for sample in &mut samples {
             let sample = sample?;
             meter.push(&sample);
             blocks.push(&sample);
@@ -58,6 +61,7 @@ impl Survey {
                 _ => {}
             }
         }
+        survey.late = samples.state().dropped_late();
         survey.noise_floor = meter.floor().ok();
         survey.positions.sort_by_key(|p| p.time);
         survey.velocities.sort_by_key(|v| v.time);
