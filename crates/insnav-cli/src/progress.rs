@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use insnav_core::sample::Sample;
 use insnav_core::time::Time;
-use insnav_log::{Log, ReaderState, Role, RunError, Source, SourceFacts, Stream};
+use insnav_log::{Log, Mounting, ReaderState, Role, RunError, Source, SourceFacts, Stream};
 use nalgebra::Vector3;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -134,6 +134,10 @@ impl Source for Watched<'_> {
 
     fn lever_arm_b(&self) -> Result<Option<Vector3<f64>>, RunError> {
         Source::lever_arm_b(self.log)
+    }
+
+    fn mounting(&self) -> Result<Option<Mounting>, RunError> {
+        Source::mounting(self.log)
     }
 
     fn facts(&self) -> Result<SourceFacts, RunError> {

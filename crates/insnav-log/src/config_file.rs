@@ -1,7 +1,8 @@
 //! Settings from TOML: one schema for the command line and Python, unknown keys refused by name.
 
+use crate::topic_map::TopicMap;
 use insnav_core::config::Config;
-use serde::de::{self, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
+use serde::de::{self, Deserialize, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -117,6 +118,8 @@ pub fn parse_config(
                 origin: origin.into(),
                 message: e.to_string(),
             })?;
+    // Maps of messages are for the reader of logs: see `load_maps`.
+    table.remove("map");
     // The file alone first, so that its errors carry its name.
     let config: Config = read(table.clone(), origin)?;
     if assignments.is_empty() {
@@ -126,6 +129,50 @@ pub fn parse_config(
         assign(&mut table, text)?;
     }
     read(table, &format!("--set {}", assignments.join(" --set ")))
+}
+
+/// The maps of messages (`[[map]]`, see [`TopicMap`]) in a file of settings.
+pub fn load_maps(file: &Path) -> Result<Vec<TopicMap>, ConfigError> {
+    let text = std::fs::read_to_string(file).map_err(|source| ConfigError::Read {
+        path: file.into(),
+        source,
+    })?;
+    parse_maps(&text, &file.display().to_string())
+}
+
+/// The maps of messages in the TOML text of settings. `origin` names the text in errors.
+pub fn parse_maps(text: &str, origin: &str) -> Result<Vec<TopicMap>, ConfigError> {
+    let mut table: toml::Table =
+        text.parse()
+            .map_err(|e: toml::de::Error| ConfigError::Syntax {
+                origin: origin.into(),
+                message: e.to_string(),
+            })?;
+    let wrong = |key: &str, message: &str| ConfigError::Value {
+        origin: origin.into(),
+        key: key.into(),
+        message: message.into(),
+    };
+    let list = match table.remove("map") {
+        None => return Ok(Vec::new()),
+        Some(toml::Value::Array(list)) => list,
+        Some(_) => return Err(wrong("map", "a list of tables is expected: [[map]]")),
+    };
+    let mut maps: Vec<TopicMap> = Vec::new();
+    for (index, value) in list.into_iter().enumerate() {
+        let key = format!("map[{index}]");
+        let map = TopicMap::deserialize(Value(value))
+            .map_err(|fault| fault.under(&key).into_error(origin))?;
+        if let Some(reason) = map.incomplete() {
+            return Err(wrong(&key, reason));
+        }
+        if maps.iter().any(|other| other.topic == map.topic) {
+            let message = format!("there is a map of {} already", map.topic);
+            return Err(wrong(&key, &message));
+        }
+        maps.push(map);
+    }
+    Ok(maps)
 }
 
 /// The settings as TOML text: what `parse_config` reads back.
@@ -421,6 +468,35 @@ mod tests {
             e.to_string().contains("--set imu.grad=tactical") && e.remedy().contains("imu.grade"),
             "{e}"
         );
+    }
+
+    #[test]
+    fn maps_are_for_the_reader_and_faults_in_them_are_named() {
+        let text = "[gnss]\nsigma_scale = 2\n[[map]]\ntopic = \"/x\"\nangular_rate_rad_per_s = [\"a\", \"b\", \"c\"]\n";
+        assert_eq!(parse(text, &[]).unwrap().gnss.sigma_scale, 2.0);
+        let maps = |more: &str| parse_maps(&format!("{text}{more}"), "car.toml");
+        let force = "specific_force_m_per_s2 = [\"d\", \"e\", \"-f * 9.8\"]\n";
+        assert_eq!(maps(force).unwrap()[0].topic, "/x");
+        for (more, says) in [
+            (
+                "",
+                "`map[0]`: angular_rate_rad_per_s and specific_force_m_per_s2 go together",
+            ),
+            ("latitude = \"x\"", "unknown key `map[0].latitude`"),
+            (
+                "height_m = \"a b\"",
+                "`map[0].height_m`: \"a b\" is no field",
+            ),
+            ("imu_axes = \"up\"", "`map[0].imu_axes`"),
+        ] {
+            let error = maps(more).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+        let map = &text[text.find("[[map]]").unwrap()..];
+        let twice = maps(&format!("{force}{map}{force}")).unwrap_err();
+        assert!(twice.to_string().contains("map of /x already"), "{twice}");
+        assert!(parse_maps("map = 3", "x").is_err());
+        assert_eq!(parse_maps("", "x").unwrap(), []);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::ros2::{
     CovarianceType, Decode, Header, Imu, NavSatFix, Odometry, Transforms, TwistStamped,
     TwistWithCovarianceStamped,
 };
+use crate::topic_map::TopicMap;
 use crate::velocity_axes::VelocityAxes;
 use crate::wire::{
     DecodeError, Definition, DefinitionError, Document, Fields, LocationFixLayout, Ros1Reader,
@@ -30,19 +31,25 @@ pub(crate) enum Stamp {
 pub(crate) struct Content<'a> {
     pub(crate) stamp: Stamp,
     pub(crate) frame_id: &'a str,
-    pub(crate) body: Body,
+    pub(crate) rates: Option<Rates>,
+    pub(crate) position: Option<Fix>,
+    pub(crate) velocity: Option<Velocity>,
+    pub(crate) heading: Option<NorthHeading>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Body {
-    Rates(Rates),
-    Gnss {
-        position: Option<Fix>,
-        velocity: Option<Velocity>,
-    },
-    Heading(Option<NorthHeading>),
+impl<'a> Content<'a> {
     /// Nothing that the navigator takes.
-    Other,
+    #[inline]
+    pub(crate) fn empty(stamp: Stamp, frame_id: &'a str) -> Self {
+        Content {
+            stamp,
+            frame_id,
+            rates: None,
+            position: None,
+            velocity: None,
+            heading: None,
+        }
+    }
 }
 
 /// Angular rate and specific force.
@@ -110,16 +117,14 @@ pub(crate) struct NorthHeading {
 }
 
 impl Content<'_> {
-    /// How many of its numbers a navigator cannot use: NaN or infinite.
+    /// Whether rates, velocity and heading are numbers; a position is judged where it is taken.
     pub(crate) fn is_finite(&self) -> bool {
-        match &self.body {
-            Body::Rates(r) => (r.angular_rate.sum() + r.specific_force.sum()).is_finite(),
-            Body::Gnss {
-                velocity: Some(v), ..
-            } => (v.enu.x + v.enu.y).is_finite(),
-            Body::Heading(Some(h)) => (h.heading + h.sigma).is_finite(),
-            _ => true,
-        }
+        let rates = self.rates.as_ref();
+        let velocity = self.velocity.as_ref();
+        let heading = self.heading.as_ref();
+        rates.is_none_or(|r| (r.angular_rate.sum() + r.specific_force.sum()).is_finite())
+            && velocity.is_none_or(|v| (v.enu.x + v.enu.y).is_finite())
+            && heading.is_none_or(|h| (h.heading + h.sigma).is_finite())
     }
 }
 
@@ -162,14 +167,16 @@ impl Format {
 pub(crate) struct MessageReader {
     kind: MessageKind,
     format: Format,
+    map: Option<Arc<TopicMap>>,
     document: Document,
 }
 
 impl MessageReader {
-    pub(crate) fn new(kind: MessageKind, format: Format) -> Self {
+    pub(crate) fn new(kind: MessageKind, format: Format, map: Option<Arc<TopicMap>>) -> Self {
         MessageReader {
             kind,
             format,
+            map,
             document: Document::default(),
         }
     }
@@ -232,7 +239,10 @@ impl MessageReader {
             MessageKind::NavRelPosNed => device::nav_rel_pos_ned(&mut self.fields(message)?)?,
             MessageKind::SensorCombined => device::sensor_combined(&mut self.fields(message)?)?,
             MessageKind::SensorGps => device::sensor_gps(&mut self.fields(message)?)?,
-            MessageKind::Mapped => other(Header::default()),
+            MessageKind::Mapped => match self.map.clone() {
+                Some(map) => map.read(&self.fields(message)?)?,
+                None => other(Header::default()),
+            },
         })
     }
 }
@@ -247,34 +257,25 @@ impl<'a> Decode<'a> for Stamped<'a> {
 }
 
 fn other(header: Header<'_>) -> Content<'_> {
-    Content {
-        stamp: Stamp::Host(header.stamp),
-        frame_id: header.frame_id,
-        body: Body::Other,
-    }
+    Content::empty(Stamp::Host(header.stamp), header.frame_id)
 }
 
 #[inline]
 fn imu<'a>(imu: &Imu<'a>) -> Content<'a> {
     Content {
-        stamp: Stamp::Host(imu.header.stamp),
-        frame_id: imu.header.frame_id,
-        body: Body::Rates(Rates {
+        rates: Some(Rates {
             angular_rate: imu.angular_velocity,
             specific_force: imu.linear_acceleration,
             axes: Axes::AsRead,
         }),
+        ..other(imu.header)
     }
 }
 
 fn nav_sat_fix<'a>(fix: &NavSatFix<'a>) -> Content<'a> {
     Content {
-        stamp: Stamp::Host(fix.header.stamp),
-        frame_id: fix.header.frame_id,
-        body: Body::Gnss {
-            position: Some(Fix::from(fix)),
-            velocity: None,
-        },
+        position: Some(Fix::from(fix)),
+        ..other(fix.header)
     }
 }
 
@@ -306,17 +307,13 @@ fn velocity<'a>(
     covariance_enu: Option<Matrix3<f64>>,
 ) -> Content<'a> {
     Content {
-        stamp: Stamp::Host(header.stamp),
-        frame_id: header.frame_id,
-        body: Body::Gnss {
-            position: None,
-            velocity: Some(Velocity {
-                no_fix: false,
-                by_convention: true,
-                enu,
-                covariance_enu,
-            }),
-        },
+        velocity: Some(Velocity {
+            no_fix: false,
+            by_convention: true,
+            enu,
+            covariance_enu,
+        }),
+        ..other(header)
     }
 }
 

@@ -134,6 +134,24 @@ pub enum LogError {
         /// The topic, with type and encoding.
         topic: String,
     },
+    /// A message without a field that the user's map names.
+    #[error("{}: {topic} at {time} (log time): {key} = {field:?} of its map: {}", path.display(), instead(found))]
+    NotMapped {
+        /// The path as given.
+        path: PathBuf,
+        /// Topic of the message.
+        topic: String,
+        /// Log time of the message.
+        time: Time,
+        /// Key of the map.
+        key: &'static str,
+        /// Path of the field.
+        field: String,
+        /// What the field is instead of a number.
+        found: Option<&'static str>,
+        /// Paths of the message's numbers.
+        fields: Vec<String>,
+    },
     /// A message whose bytes are not what its type says.
     #[error("{}: {topic} at {time} (log time): not a valid {schema}: {source}", path.display())]
     Decode {
@@ -253,6 +271,13 @@ pub enum LogError {
     },
 }
 
+fn instead(found: &Option<&'static str>) -> String {
+    found.map_or_else(
+        || "there is no such field".to_owned(),
+        |found| format!("the field is {found}"),
+    )
+}
+
 fn because(problem: &Option<String>) -> String {
     problem
         .as_ref()
@@ -310,6 +335,7 @@ impl LogError {
             LogError::UnknownTopic { .. } => "unknown_topic",
             LogError::WrongType { .. } => "wrong_type",
             LogError::NotUnderstood { .. } => "not_understood",
+            LogError::NotMapped { .. } => "field_not_in_message",
             LogError::Decode { .. } => "bad_message",
             LogError::StampBackward { .. } => "backward_stamps",
             LogError::OutputExists { .. } => "output_exists",
@@ -357,6 +383,10 @@ impl LogError {
                 format!("this role needs {}, in CDR, ROS 1 or JSON", kinds.join(" or "))
             }
             LogError::NotUnderstood { .. } => "choose another topic, or record it with its definition (ros2msg)".into(),
+            LogError::NotMapped { fields, .. } if fields.is_empty() => "check the encoding of the topic".into(),
+            LogError::NotMapped { fields, .. } => {
+                format!("take one of its numbers in the `[[map]]` of the settings: {}", fields.join(", "))
+            }
             LogError::Decode { .. } => "check that the recorder's message definitions match the publisher's".into(),
             LogError::StampBackward { .. } => {
                 "if the sensor's clock jumped, use the recorder's clock with `--time log`".into()

@@ -3,12 +3,14 @@
 use crate::container::{
     Checksums, Contents, McapRecord, Message, Messages, Recovery, Source, each_record,
 };
-use crate::content::{Body, Format, MessageReader, Stamp};
+use crate::content::{Format, MessageReader, Stamp};
 use crate::error::LogError;
 use crate::imu_units::ImuUnits;
 use crate::message::MessageKind;
 use crate::samples::{Samples, gnss_position};
+use crate::topic_map::TopicMap;
 use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
+use crate::transforms::Mounting;
 use crate::velocity_axes::VelocityAxes;
 use crate::wire::DecodeError;
 use insnav_core::config::Config;
@@ -16,7 +18,7 @@ use insnav_core::sample::GnssPosition;
 use insnav_core::time::Time;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Axes of the IMU's messages, before any mounting rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,6 +62,8 @@ pub struct ReadOptions {
     pub imu_units: ImuUnits,
     /// Axes of GNSS velocity messages.
     pub gnss_velocity_axes: VelocityAxes,
+    /// What fields of messages are, of types that are not known here; a map goes before what is known.
+    pub maps: Vec<TopicMap>,
     /// Largest uncompressed size of a chunk, bytes: a damaged size is refused before memory is reserved for it.
     pub chunk_size_limit: usize,
     /// Keep what is readable of a damaged file instead of refusing it; [`Log::recovery`] then tells what was lost.
@@ -77,6 +81,7 @@ impl Default for ReadOptions {
             geoid_height_m: 0.0,
             imu_units: ImuUnits::default(),
             gnss_velocity_axes: VelocityAxes::default(),
+            maps: Vec::new(),
             chunk_size_limit: 1 << 30,
             recover: false,
         }
@@ -117,6 +122,8 @@ pub struct Log {
     options: ReadOptions,
     /// What is added to the own clocks of sensors, ns, by topic.
     clock_shifts: OnceLock<BTreeMap<usize, i64>>,
+    /// How the IMU is mounted by the static transforms.
+    pub(crate) mounting: OnceLock<Option<Mounting>>,
 }
 
 impl Log {
@@ -140,7 +147,7 @@ impl Log {
         } else {
             Contents::read(bytes, path, limit)?
         };
-        let (topics, formats) = list_topics(&contents, bytes, path)?;
+        let (topics, formats) = list_topics(&contents, &options.maps, bytes, path)?;
         let selection = Selection::find(&topics, &options.topics, path)?;
         Ok(Log {
             path: path.into(),
@@ -151,6 +158,7 @@ impl Log {
             selection,
             options,
             clock_shifts: OnceLock::new(),
+            mounting: OnceLock::new(),
         })
     }
 
@@ -290,10 +298,7 @@ impl Log {
                 .content(message.data)
                 .map_err(|e| self.undecodable(topic, &message, e))?;
             let time = self.choose_stamp(content.stamp, topic, &message)?;
-            if let Body::Gnss {
-                position: Some(fix),
-                ..
-            } = &content.body
+            if let Some(fix) = &content.position
                 && let Ok(fix) = gnss_position(fix, time, self.options.geoid_height_m)
             {
                 return Ok(Some(fix));
@@ -334,10 +339,19 @@ impl Log {
         Ok(())
     }
 
+    /// The user's map of a topic.
+    fn map_of(&self, topic: usize) -> Option<&TopicMap> {
+        let name = &self.topics[topic].name;
+        self.options.maps.iter().find(|map| map.topic == *name)
+    }
+
     /// A reader of a topic's messages.
     pub(crate) fn reader(&self, topic: usize) -> Result<MessageReader, LogError> {
         match (self.topics[topic].kind, &self.formats[topic]) {
-            (Some(kind), Some(format)) => Ok(MessageReader::new(kind, format.clone())),
+            (Some(kind), Some(format)) => {
+                let map = self.map_of(topic).cloned().map(Arc::new);
+                Ok(MessageReader::new(kind, format.clone(), map))
+            }
             _ => Err(LogError::NotUnderstood {
                 path: self.path.clone(),
                 topic: self.topics[topic].to_string(),
@@ -451,6 +465,23 @@ impl Log {
         message: &Message<'_>,
         source: DecodeError,
     ) -> LogError {
+        if let DecodeError::NotMapped { key, index, found } = source
+            && let Some(map) = self.map_of(topic)
+        {
+            let mut reader = self.reader(topic).ok();
+            let fields = reader
+                .as_mut()
+                .and_then(|reader| Some(reader.fields(message.data).ok()?.number_paths()));
+            return LogError::NotMapped {
+                path: self.path.clone(),
+                topic: self.topics[topic].name.clone(),
+                time: message.log_time,
+                key,
+                field: map.field(key, index).unwrap_or_default(),
+                found,
+                fields: fields.unwrap_or_default(),
+            };
+        }
         let topic = &self.topics[topic];
         LogError::Decode {
             path: self.path.clone(),
@@ -469,6 +500,7 @@ impl Log {
 /// listed twice.
 fn list_topics(
     contents: &Contents,
+    maps: &[TopicMap],
     bytes: &[u8],
     path: &Path,
 ) -> Result<(Vec<TopicInfo>, Vec<Option<Format>>), LogError> {
@@ -487,6 +519,7 @@ fn list_topics(
                     encoding: channel.encoding.clone(),
                     kind: MessageKind::of_schema(name),
                     problem: None,
+                    mapped: Vec::new(),
                     count: 0,
                     rate_hz: None,
                     channels: Vec::new(),
@@ -505,6 +538,10 @@ fn list_topics(
         }
         if topic.kind.is_none() && stamped && matches!(topic.encoding.as_str(), "cdr" | "ros1") {
             topic.kind = Some(MessageKind::Stamped);
+        }
+        if let Some(map) = maps.iter().find(|map| map.topic == topic.name) {
+            topic.kind = Some(MessageKind::Mapped);
+            topic.mapped = map.roles();
         }
         let format = topic
             .kind
@@ -540,7 +577,7 @@ fn kind_by_first_message(
     let Some(message) = messages.next() else {
         return Ok(None);
     };
-    let mut reader = MessageReader::new(MessageKind::Mapped, Format::Json);
+    let mut reader = MessageReader::new(MessageKind::Mapped, Format::Json, None);
     let fields = reader.fields(message?.data);
     Ok(fields.ok().and_then(|f| MessageKind::of_fields(&f)))
 }

@@ -1,7 +1,7 @@
 //! Messages become samples: SI, radians, NED and forward-right-down, in order of their stamps.
 
 use crate::container::Messages;
-use crate::content::{Axes, Body, Fix, MessageReader, Stamp, Velocity};
+use crate::content::{Axes, Fix, MessageReader, Stamp, Velocity};
 use crate::error::LogError;
 use crate::frames::{ENU_NED, FLU_FRD};
 use crate::imu_units::ImuUnits;
@@ -128,8 +128,9 @@ impl<'a> Samples<'a> {
             });
         }
         let topics: Vec<usize> = inputs.iter().map(|input| input.topic).collect();
+        let mounting_rpy_deg = log.mounting_rpy_deg()?;
         let turn = |axes| {
-            let to_body = imu_to_body(log.options().imu_axes, log.options().imu_mounting_rpy_deg);
+            let to_body = imu_to_body(log.options().imu_axes, mounting_rpy_deg);
             match (axes, log.options().imu_axes) {
                 // The mounting is given in the axes that the options name.
                 (Axes::Flu, ImuAxes::Frd) | (Axes::Frd, ImuAxes::Flu) => to_body * FLU_FRD,
@@ -206,56 +207,56 @@ impl<'a> Samples<'a> {
             content.stamp == Stamp::Host(Time(0)) && options.time_source == TimeSource::Header,
         );
         let log_time = message.log_time;
-        match &content.body {
-            Body::Rates(rates) => {
-                let sum = rates.angular_rate.sum() + rates.specific_force.sum();
-                counts.imu_not_finite += u64::from(!sum.is_finite());
-                // Other messages than the common one state their units.
-                let units = match rates.axes {
-                    Axes::AsRead => options.imu_units,
-                    _ => ImuUnits::default(),
-                };
-                let to_body = &self.to_body[rates.axes as usize];
-                let sample =
-                    units.sample(time, to_body, &rates.angular_rate, &rates.specific_force);
-                self.reorder.push(time, log_time, sample);
-            }
-            Body::Gnss { position, velocity } => {
-                if let Some(fix) = position
-                    && plays(Role::GnssPosition)
-                {
-                    match gnss_position(fix, time, options.geoid_height_m) {
-                        Ok(position) => {
-                            let sample = Sample::GnssPosition(position);
-                            self.reorder.push(time, log_time, sample);
-                        }
-                        Err(Unusable::NoFix) => counts.dropped_no_fix += 1,
-                        Err(Unusable::NotFinite) => counts.dropped_not_finite += 1,
-                        Err(Unusable::ZeroPosition) => counts.dropped_zero_position += 1,
-                    }
+        if let Some(rates) = &content.rates
+            && plays(Role::Imu)
+        {
+            let sum = rates.angular_rate.sum() + rates.specific_force.sum();
+            counts.imu_not_finite += u64::from(!sum.is_finite());
+            // Other messages than the common one state their units.
+            let units = match rates.axes {
+                Axes::AsRead => options.imu_units,
+                _ => ImuUnits::default(),
+            };
+            let to_body = &self.to_body[rates.axes as usize];
+            let sample = units.sample(time, to_body, &rates.angular_rate, &rates.specific_force);
+            self.reorder.push(time, log_time, sample);
+        }
+        if let Some(fix) = &content.position
+            && plays(Role::GnssPosition)
+        {
+            match gnss_position(fix, time, options.geoid_height_m) {
+                Ok(position) => {
+                    let sample = Sample::GnssPosition(position);
+                    self.reorder.push(time, log_time, sample);
                 }
-                if let Some(velocity) = velocity
-                    && plays(Role::GnssVelocity)
-                {
-                    match gnss_velocity(time, &velocity.read_with(options.gnss_velocity_axes)) {
-                        _ if velocity.no_fix => counts.dropped_velocity_no_fix += 1,
-                        Some(velocity) => {
-                            let sample = Sample::GnssVelocity(velocity);
-                            self.reorder.push(time, log_time, sample);
-                        }
-                        None => counts.dropped_velocity_not_finite += 1,
-                    }
+                Err(Unusable::NoFix) => counts.dropped_no_fix += 1,
+                Err(Unusable::NotFinite) => counts.dropped_not_finite += 1,
+                Err(Unusable::ZeroPosition) => counts.dropped_zero_position += 1,
+            }
+        }
+        if let Some(velocity) = &content.velocity
+            && plays(Role::GnssVelocity)
+        {
+            match gnss_velocity(time, &velocity.read_with(options.gnss_velocity_axes)) {
+                _ if velocity.no_fix => counts.dropped_velocity_no_fix += 1,
+                Some(velocity) => {
+                    let sample = Sample::GnssVelocity(velocity);
+                    self.reorder.push(time, log_time, sample);
                 }
+                None => counts.dropped_velocity_not_finite += 1,
             }
-            Body::Heading(Some(fix)) if fix.heading.is_finite() && fix.sigma > 0.0 => {
-                let heading = Heading {
-                    time,
-                    heading: fix.heading,
-                    sigma: fix.sigma,
-                };
-                self.reorder.push(time, log_time, Sample::Heading(heading));
-            }
-            Body::Heading(_) | Body::Other => {}
+        }
+        if let Some(fix) = &content.heading
+            && plays(Role::Heading)
+            && fix.heading.is_finite()
+            && fix.sigma > 0.0
+        {
+            let heading = Heading {
+                time,
+                heading: fix.heading,
+                sigma: fix.sigma,
+            };
+            self.reorder.push(time, log_time, Sample::Heading(heading));
         }
         Ok(true)
     }

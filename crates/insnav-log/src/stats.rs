@@ -1,6 +1,6 @@
 //! How regular the topics of a log are: rate, jitter, gaps, duplicates, backward steps, header stamp against log time.
 
-use crate::content::{Body, Content, MessageReader, Stamp};
+use crate::content::{Content, MessageReader, Stamp};
 use crate::error::LogError;
 use crate::findings::step_of;
 use crate::log::{Log, TimeSource};
@@ -265,11 +265,7 @@ impl TopicStatistics {
     /// Count what is wrong with a message's content.
     fn add(&mut self, content: &Content<'_>, time: Time) {
         self.not_finite += u64::from(!content.is_finite());
-        if let Body::Gnss {
-            position: Some(fix),
-            ..
-        } = &content.body
-        {
+        if let Some(fix) = &content.position {
             match gnss_position(fix, time, 0.0) {
                 Ok(_) => {}
                 Err(Unusable::NoFix) => self.no_fix += 1,

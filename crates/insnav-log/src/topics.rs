@@ -118,6 +118,8 @@ pub struct TopicInfo {
     pub kind: Option<MessageKind>,
     /// Why they cannot be read although they are understood, if so.
     pub problem: Option<String>,
+    /// The parts it can play by the user's map.
+    pub mapped: Vec<Role>,
     /// Number of messages.
     pub count: u64,
     /// Messages per second of log time over the whole log; `None` with fewer than two messages.
@@ -129,7 +131,11 @@ pub struct TopicInfo {
 impl TopicInfo {
     /// Whether its messages can be decoded for a role.
     pub fn serves(&self, role: Role) -> bool {
-        self.problem.is_none() && self.kind.is_some_and(|kind| role.kinds().contains(&kind))
+        self.problem.is_none()
+            && self.kind.is_some_and(|kind| match kind {
+                MessageKind::Mapped => self.mapped.contains(&role),
+                kind => role.kinds().contains(&kind),
+            })
     }
 }
 
@@ -231,7 +237,10 @@ fn find_named(
 fn choose(topics: &[TopicInfo], role: Role) -> Choice {
     let mut candidates: Vec<usize> = (0..topics.len())
         .filter(|&i| {
-            topics[i].serves(role) && role.accepts_unnamed(&topics[i].name) && topics[i].count > 0
+            let mapped = topics[i].kind == Some(MessageKind::Mapped);
+            topics[i].serves(role)
+                && (mapped || role.accepts_unnamed(&topics[i].name))
+                && topics[i].count > 0
         })
         .collect();
     // A driver's own message is taken only where there is none of the common ones, which it is often published beside.
@@ -263,6 +272,7 @@ mod tests {
             encoding: "cdr".into(),
             kind: MessageKind::of_schema(schema),
             problem: None,
+            mapped: Vec::new(),
             count: 10,
             rate_hz: None,
             channels: vec![1],

@@ -1,12 +1,14 @@
-//! Static transforms of a log: where the antenna is on the body.
+//! Static transforms of a log: how the IMU sits on the body, and where the antenna is.
 
 use crate::error::LogError;
-use crate::log::Log;
+use crate::log::{ImuAxes, Log};
 use crate::ros2::Transforms;
 use crate::samples::imu_to_body;
 use crate::topics::Role;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// Where one frame is in another, as a log says it.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +20,35 @@ pub struct StaticTransform {
     /// Takes points in child coordinates to parent coordinates.
     pub pose: Isometry3<f64>,
 }
+
+/// How the IMU is mounted, as a log's static transforms say.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mounting {
+    /// Roll, pitch, yaw of the IMU's axes in those of the body, forward-left-up, degrees.
+    pub rpy_deg: [f64; 3],
+    /// Frame of the body.
+    pub base_frame: String,
+    /// Frame of the IMU.
+    pub imu_frame: String,
+}
+
+impl fmt::Display for Mounting {
+    /// The angles, where they come from, and what goes before them.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [roll, pitch, yaw] = self.rpy_deg;
+        write!(
+            f,
+            "mounted at roll {roll:.2}, pitch {pitch:.2}, yaw {yaw:.2}° (forward-left-up), by the log's transforms from {} to {}; \
+             --imu-mounting-deg goes before them",
+            self.base_frame, self.imu_frame
+        )
+    }
+}
+
+/// Frames of the body, as robots name them, with or without a namespace; the first that the IMU's frame is connected with.
+const BASE_FRAMES: [&str; 3] = ["base_link", "base_footprint", "base"];
+/// Below this angle, rad, a transform turns nothing.
+const TURNS_NOTHING: f64 = 1e-6;
 
 impl Log {
     /// Every transform on the static transform topic; a later one for the same child replaces the earlier.
@@ -68,9 +99,44 @@ impl Log {
         if imu == gnss {
             return Ok(None);
         }
-        let to_body = imu_to_body(self.options().imu_axes, self.options().imu_mounting_rpy_deg);
+        let to_body = imu_to_body(self.options().imu_axes, self.mounting_rpy_deg()?);
         let antenna_in_imu = connect(&self.static_transforms()?, &gnss, &imu);
         Ok(antenna_in_imu.map(|pose| to_body * pose.translation.vector))
+    }
+
+    /// How the IMU is mounted by the log's static transforms, when these connect its frame with that of the body and turn it.
+    ///
+    /// `None` too when the user gave a mounting, or said that the messages are forward-right-down: what the user says goes
+    /// before the transforms, which relate forward-left-up frames.
+    pub fn mounting(&self) -> Result<Option<&Mounting>, LogError> {
+        if self.mounting.get().is_none() {
+            let found = self.find_mounting()?;
+            // Whoever was first: the value is the same.
+            let _ = self.mounting.set(found);
+        }
+        Ok(self.mounting.get().and_then(Option::as_ref))
+    }
+
+    /// Roll, pitch, yaw of the IMU in the axes of the options: as the user gave it, else by the transforms.
+    pub(crate) fn mounting_rpy_deg(&self) -> Result<Option<[f64; 3]>, LogError> {
+        match self.options().imu_mounting_rpy_deg {
+            None => Ok(self.mounting()?.map(|mounting| mounting.rpy_deg)),
+            given => Ok(given),
+        }
+    }
+
+    fn find_mounting(&self) -> Result<Option<Mounting>, LogError> {
+        let options = self.options();
+        if options.imu_mounting_rpy_deg.is_some() || options.imu_axes != ImuAxes::Flu {
+            return Ok(None);
+        }
+        if self.selected().topic(Role::Tf).is_none() {
+            return Ok(None);
+        }
+        let Some(imu_frame) = self.frame_of(Role::Imu)? else {
+            return Ok(None);
+        };
+        Ok(mounting(&self.static_transforms()?, &imu_frame))
     }
 
     /// Frame of the first message of a role's topic; `None` without topic, message or frame.
@@ -89,6 +155,28 @@ impl Log {
         let name = frame_name(content.frame_id);
         Ok((!name.is_empty()).then_some(name))
     }
+}
+
+/// The rotation of the IMU's frame against that of the body.
+fn mounting(transforms: &[StaticTransform], imu_frame: &str) -> Option<Mounting> {
+    let frames = || {
+        transforms
+            .iter()
+            .flat_map(|transform| [&transform.parent, &transform.child])
+    };
+    BASE_FRAMES.iter().find_map(|base| {
+        let is_base = |frame: &&String| frame.rsplit('/').next() == Some(base);
+        frames().filter(is_base).find_map(|base| {
+            let pose = connect(transforms, imu_frame, base)?;
+            // A frame that is the body's own, or not turned against it, has no mounting.
+            let (roll, pitch, yaw) = pose.rotation.euler_angles();
+            (pose.rotation.angle() > TURNS_NOTHING).then(|| Mounting {
+                rpy_deg: [roll, pitch, yaw].map(f64::to_degrees),
+                base_frame: base.clone(),
+                imu_frame: imu_frame.to_owned(),
+            })
+        })
+    })
 }
 
 /// Names written by ROS 1 era drivers begin with a slash that means nothing.
@@ -152,6 +240,44 @@ mod tests {
             "{pose}"
         );
         assert_eq!(connect(&transforms, "gps", "elsewhere"), None);
+    }
+
+    #[test]
+    fn the_mounting_is_that_of_the_imu_in_the_body() {
+        // base_link → plate → imu, the IMU upside down on a plate that looks left; the body above a footprint.
+        let mut plate = transform("husky/base_link", "husky/plate", [0.1, 0.0, 0.2], 90.0);
+        let mut imu = transform("husky/plate", "husky/imu", [0.0, 0.0, 0.0], 0.0);
+        imu.pose.rotation = UnitQuaternion::from_euler_angles(180f64.to_radians(), 0.0, 0.0);
+        let footprint = transform("base_footprint", "husky/base_link", [0.0, 0.0, 0.3], 0.0);
+        let transforms = [plate.clone(), imu.clone(), footprint];
+        let found = mounting(&transforms, "husky/imu").unwrap();
+        assert_eq!(found.base_frame, "husky/base_link");
+        let expected = [180.0, 0.0, 90.0];
+        let close = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(close(&found.rpy_deg, &expected), "{found:?}");
+        // The same tree hung up at the IMU: each transform the other way round.
+        for link in [&mut plate, &mut imu] {
+            std::mem::swap(&mut link.parent, &mut link.child);
+            link.pose = link.pose.inverse();
+        }
+        let found = mounting(&[plate, imu], "husky/imu").unwrap();
+        assert!(close(&found.rpy_deg, &expected), "{found:?}");
+        // Not turned, not connected, or the body's own frame.
+        assert_eq!(
+            mounting(
+                &[transform("base_link", "imu", [1.0, 0.0, 0.0], 0.0)],
+                "imu"
+            ),
+            None
+        );
+        assert_eq!(
+            mounting(&[transform("base_link", "a", [0.0; 3], 9.0)], "imu"),
+            None
+        );
+        assert_eq!(
+            mounting(&[transform("base_link", "a", [0.0; 3], 9.0)], "base_link"),
+            None
+        );
     }
 
     #[test]

@@ -125,7 +125,10 @@ impl Convert {
             input: self.input.clone(),
             ..Converted::default()
         };
-        let log = Log::open(&self.input, self.reading.options(&Config::default()))?;
+        let log = Log::open(
+            &self.input,
+            self.reading.options(&Config::default(), Vec::new()),
+        )?;
         converted.warnings.extend(log.recovery_warning());
         if is_solution(&log) {
             let Some(format) = ExportFormat::from_name(&ending) else {
@@ -175,7 +178,10 @@ impl Convert {
         let options = ConvertOptions {
             t0: self.t0.map_or(DEFAULT_T0, Time::from_seconds),
             near: self.t0.map(Time::from_seconds),
-            geoid_height_m: self.reading.options(&Config::default()).geoid_height_m,
+            geoid_height_m: self
+                .reading
+                .options(&Config::default(), Vec::new())
+                .geoid_height_m,
             axes: match self.axes {
                 Axes::Frd => ImuAxes::Frd,
                 Axes::Flu => ImuAxes::Flu,

@@ -9,8 +9,8 @@ use crate::text;
 use clap::Args;
 use insnav_core::time::Time;
 use insnav_log::{
-    Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, NoiseReport, Plan, Role, RunOptions,
-    TopicInfo, TopicStatistics, Warning, config_text, find,
+    Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, Mounting, NoiseReport, Plan, Role,
+    RunOptions, TopicInfo, TopicStatistics, Warning, config_text, find,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -107,13 +107,17 @@ pub(crate) struct RunPreview {
     pub(crate) lever_arm_known: bool,
     /// What altitudes of fixes are taken to be above.
     pub(crate) altitude_above: String,
+    pub(crate) imu_mounting: Option<Mounting>,
     pub(crate) config: String,
 }
 
 impl Info {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         let config = self.settings.load()?;
-        let log = Log::open(&self.log, self.reading.options(&config))?;
+        let log = Log::open(
+            &self.log,
+            self.reading.options(&config, self.settings.maps()?),
+        )?;
         let options = RunOptions {
             thorough_clocks: true,
             ..RunOptions::default()
@@ -210,6 +214,7 @@ fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
         imu_grade_picked: plan.grade_picked,
         imu_noise: plan.survey.noise_floor.as_ref().map(NoiseReport::from),
         lever_arm_b_m: plan.config.gnss.lever_arm_b_m.unwrap_or_default(),
+        imu_mounting: plan.mounting.clone(),
         lever_arm_known: plan.lever_arm_known,
         altitude_above: if geoid_height_m == 0.0 {
             "the ellipsoid, as NavSatFix defines".into()

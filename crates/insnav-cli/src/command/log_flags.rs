@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use insnav_core::config::Config;
-use insnav_log::{ImuAxes, ImuUnits, ReadOptions, Role, TimeSource, VelocityAxes};
+use insnav_log::{ImuAxes, ImuUnits, ReadOptions, Role, TimeSource, TopicMap, VelocityAxes};
 
 /// Axes of IMU messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -75,8 +75,9 @@ pub(super) struct Angles([f64; 3]);
 
 impl LogFlags {
     /// How to read, given the settings: a mounting in a flag goes before one in the settings.
-    pub(super) fn options(&self, config: &Config) -> ReadOptions {
+    pub(super) fn options(&self, config: &Config, maps: Vec<TopicMap>) -> ReadOptions {
         ReadOptions {
+            maps,
             topics: self.topic.clone(),
             imu_axes: match self.imu_axes {
                 Axes::Flu => ImuAxes::Flu,

@@ -359,7 +359,10 @@ impl Run {
 
     fn one(&self, job: &Job, config: &Config, watched: bool) -> Result<Outcome, Failure> {
         let saved = self.saved()?;
-        let log = Log::open(&job.input, self.reading.options(config))?;
+        let log = Log::open(
+            &job.input,
+            self.reading.options(config, self.settings.maps()?),
+        )?;
         let source: &dyn Source = if watched { &Watched::new(&log) } else { &log };
         let plan = self.plan(source, config, saved.as_ref())?;
         let mut sink = sink(&plan, &log, job, self.force)?;
@@ -408,7 +411,10 @@ impl Run {
                 "give one log",
             ));
         };
-        let log = Log::open(&job.input, self.reading.options(config))?;
+        let log = Log::open(
+            &job.input,
+            self.reading.options(config, self.settings.maps()?),
+        )?;
         let plan = self.plan(&Watched::new(&log), config, self.saved()?.as_ref())?;
         let text = config_text(&plan.config);
         output.warnings(&plan.warnings);

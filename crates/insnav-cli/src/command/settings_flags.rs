@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use clap::Args;
 use insnav_core::config::Config;
 use insnav_core::error::Error as CoreError;
-use insnav_log::{ConfigError, RunError, load_config};
+use insnav_log::{ConfigError, RunError, TopicMap, load_config, load_maps};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -30,6 +30,14 @@ impl SettingsFlags {
     /// The settings of file and `--set`, checked.
     pub(super) fn load(&self) -> Result<Config, Failure> {
         self.load_over(|_| Vec::new())
+    }
+
+    /// The maps of messages in the settings' file.
+    pub(super) fn maps(&self) -> Result<Vec<TopicMap>, Failure> {
+        match &self.config {
+            Some(file) => Ok(load_maps(file)?),
+            None => Ok(Vec::new()),
+        }
     }
 
     /// As [`SettingsFlags::load`], with what a verb's own flags set on top: `apply` sets it, and says by which flag.

@@ -180,6 +180,9 @@ fn preview(run: &RunPreview) -> String {
         (true, None) => "assumed: the log is too short to tell",
     };
     add("imu", format!("{} grade, {source}", run.imu_grade));
+    if let Some(mounting) = &run.imu_mounting {
+        add("mounting", mounting.to_string());
+    }
     add(
         "altitude",
         format!(

@@ -128,6 +128,10 @@ fn imu(r: &RunReport) -> String {
         short(y),
         short(z)
     );
+    let arm = match &r.imu_mounting {
+        Some(mounting) => format!("{mounting}\n{arm}"),
+        None => arm,
+    };
     let (gyro, accel) = (
         short(r.gyro_arw_deg_per_sqrt_hour),
         short(r.accel_vrw_m_per_s_per_sqrt_hour),

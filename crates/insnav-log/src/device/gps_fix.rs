@@ -1,7 +1,7 @@
 //! `gps_msgs/GPSFix` (ROS 1: `gps_common/GPSFix`): position, and velocity as track, speed and climb.
 
 use super::from_sigmas;
-use crate::content::{Body, Content, Fix, Stamp, Velocity, stated_covariance};
+use crate::content::{Content, Fix, Stamp, Velocity, stated_covariance};
 use crate::ros2::{CovarianceType, Header};
 use crate::wire::{DecodeError, Fields, Wire};
 use nalgebra::Vector3;
@@ -47,11 +47,8 @@ pub(crate) fn gps_fix<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, Decode
         }
     });
     Ok(Content {
-        stamp: Stamp::Host(header.stamp),
-        frame_id: header.frame_id,
-        body: Body::Gnss {
-            position: Some(position),
-            velocity,
-        },
+        position: Some(position),
+        velocity,
+        ..Content::empty(Stamp::Host(header.stamp), header.frame_id)
     })
 }

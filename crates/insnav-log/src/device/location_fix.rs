@@ -1,6 +1,6 @@
 //! `foxglove.LocationFix`, in JSON, protobuf or as a ROS message: a position with its covariance, without a status.
 
-use crate::content::{Body, Content, Fix, Stamp, stated_covariance};
+use crate::content::{Content, Fix, Stamp, stated_covariance};
 use crate::ros2::CovarianceType;
 use crate::wire::{DecodeError, Fields, Wire};
 use insnav_core::time::Time;
@@ -11,19 +11,15 @@ pub(crate) fn location_fix<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, D
     let frame_id = fields.or_absent("", |f| f.string("frame_id"))?;
     let covariance = fields.or_absent([0.0; 9], |f| f.f64_array("position_covariance"))?;
     Ok(Content {
-        stamp: Stamp::Host(stamp),
-        frame_id,
-        body: Body::Gnss {
-            position: Some(Fix {
-                no_fix: false,
-                latitude_deg: fields.f64("latitude")?,
-                longitude_deg: fields.f64("longitude")?,
-                height_m: fields.or_absent(0.0, |f| f.f64("altitude"))?,
-                ellipsoidal: false,
-                covariance_enu: stated_covariance(covariance_type(fields)?, &covariance),
-            }),
-            velocity: None,
-        },
+        position: Some(Fix {
+            no_fix: false,
+            latitude_deg: fields.f64("latitude")?,
+            longitude_deg: fields.f64("longitude")?,
+            height_m: fields.or_absent(0.0, |f| f.f64("altitude"))?,
+            ellipsoidal: false,
+            covariance_enu: stated_covariance(covariance_type(fields)?, &covariance),
+        }),
+        ..Content::empty(Stamp::Host(stamp), frame_id)
     })
 }
 

@@ -2,7 +2,7 @@
 //! time where its bridge to ROS 2 keeps both clocks equal.
 
 use super::from_sigmas;
-use crate::content::{Axes, Body, Content, Fix, Rates, Stamp, Velocity};
+use crate::content::{Axes, Content, Fix, Rates, Stamp, Velocity};
 use crate::wire::{DecodeError, FieldName, Fields, Wire};
 use insnav_core::time::Time;
 use nalgebra::Vector3;
@@ -27,13 +27,12 @@ pub(crate) fn sensor_combined<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>
         specific_force = [f64::NAN; 3];
     }
     Ok(Content {
-        stamp: stamp(fields, -0.5 * interval_us)?,
-        frame_id: "",
-        body: Body::Rates(Rates {
+        rates: Some(Rates {
             angular_rate: angular_rate.into(),
             specific_force: specific_force.into(),
             axes: Axes::Frd,
         }),
+        ..Content::empty(stamp(fields, -0.5 * interval_us)?, "")
     })
 }
 
@@ -70,12 +69,9 @@ pub(crate) fn sensor_gps<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, Dec
         covariance_enu: from_sigmas(sigma, sigma),
     };
     Ok(Content {
-        stamp: stamp(fields, 0.0)?,
-        frame_id: "",
-        body: Body::Gnss {
-            position: Some(position),
-            velocity: Some(velocity),
-        },
+        position: Some(position),
+        velocity: Some(velocity),
+        ..Content::empty(stamp(fields, 0.0)?, "")
     })
 }
 

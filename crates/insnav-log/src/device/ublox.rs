@@ -3,7 +3,7 @@
 //! [u-blox F9 HPG 1.32 interface description], UBX-NAV-PVT and UBX-NAV-RELPOSNED.
 
 use super::from_sigmas;
-use crate::content::{Body, Content, Fix, NorthHeading, Stamp, Velocity};
+use crate::content::{Content, Fix, NorthHeading, Stamp, Velocity};
 use crate::ros2::Header;
 use crate::wire::{DecodeError, Fields, Wire, days_from_civil};
 use insnav_core::time::Time;
@@ -49,12 +49,9 @@ pub(crate) fn nav_pvt<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, Decode
         covariance_enu: from_sigmas(speed_sigma, speed_sigma),
     };
     Ok(Content {
-        stamp,
-        frame_id: header.frame_id,
-        body: Body::Gnss {
-            position: Some(position),
-            velocity: Some(velocity),
-        },
+        position: Some(position),
+        velocity: Some(velocity),
+        ..Content::empty(stamp, header.frame_id)
     })
 }
 
@@ -93,8 +90,7 @@ pub(crate) fn nav_rel_pos_ned<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>
         valid.then(|| (east.atan2(north), sigma_cm / length))
     };
     Ok(Content {
-        stamp: Stamp::Host(header.stamp),
-        frame_id: header.frame_id,
-        body: Body::Heading(heading.map(|(heading, sigma)| NorthHeading { heading, sigma })),
+        heading: heading.map(|(heading, sigma)| NorthHeading { heading, sigma }),
+        ..Content::empty(Stamp::Host(header.stamp), header.frame_id)
     })
 }

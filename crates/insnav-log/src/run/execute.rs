@@ -122,6 +122,7 @@ impl Plan {
             accel_vrw_m_per_s_per_sqrt_hour: self.noise().accel_white * 60.0,
             imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
+            imu_mounting: self.mounting.clone(),
             alignment: tally.totals.alignment,
             stops: tally.stops(),
             aiding: tally.aiding(),

@@ -6,7 +6,7 @@ use super::source::Source;
 use super::survey::Survey;
 use super::withhold::{Withhold, Withholding};
 use crate::findings::{self, Facts};
-use crate::{Finding, Log, Role, Severity, SourceFacts};
+use crate::{Finding, Log, ReadOptions, Role, Severity, SourceFacts};
 use insnav_core::config::Config;
 use insnav_core::time::Time;
 
@@ -42,20 +42,25 @@ impl Log {
 
 /// Statistics of the topics in use, and how the log is read.
 pub(super) fn facts_of_log(log: &Log) -> Result<SourceFacts, RunError> {
-    let mut statistics = log.statistics()?.into_iter().map(Some).collect::<Vec<_>>();
+    let statistics = log.statistics()?;
     let roles = [Role::Imu, Role::GnssPosition, Role::GnssVelocity];
     let topics = roles
         .into_iter()
         .filter_map(|role| {
             let index = log.selected().topic(role)?;
-            Some((role, statistics.get_mut(index)?.take()?))
+            // A receiver's message may play two parts.
+            Some((role, statistics.get(index)?.clone()))
         })
         .collect();
     let imu = log.selected().topic(Role::Imu);
     let others = log.topics().iter().enumerate();
     Ok(SourceFacts {
         topics,
-        options: Some(log.options().clone()),
+        options: Some(ReadOptions {
+            // By the transforms, where the user gives none.
+            imu_mounting_rpy_deg: log.mounting_rpy_deg()?,
+            ..log.options().clone()
+        }),
         recovered: log.recovery_warning(),
         other_imu_topics: others
             .filter(|(i, t)| Some(*i) != imu && t.serves(Role::Imu) && t.count > 0)

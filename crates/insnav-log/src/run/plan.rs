@@ -12,7 +12,7 @@ use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
 use crate::findings;
 use crate::log::METADATA_T0;
-use crate::{Finding, SinkOptions, config_text};
+use crate::{Finding, Mounting, SinkOptions, config_text};
 use insnav_core::config::{Config, NoiseConfig, Nonholonomic, VehicleKind};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
@@ -50,6 +50,8 @@ pub struct Plan {
     pub grade: ImuGrade,
     /// Whether it was picked from the data.
     pub grade_picked: bool,
+    /// How the IMU is mounted, where the log's transforms were taken for it.
+    pub mounting: Option<Mounting>,
     /// What is known of the clocks.
     pub clocks: Clocks,
     /// How well the vehicle moves where its wheels point, where that was looked at.
@@ -113,11 +115,19 @@ impl Plan {
             config.gnss.lever_arm_b_m = Some(known.unwrap_or_default().into());
         }
 
+        let mounting = source.mounting()?;
+        if let Some(Mounting { rpy_deg, .. }) = &mounting {
+            // The settings are forward-right-down, where the same rotation has pitch and yaw reversed.
+            let [roll, pitch, yaw] = *rpy_deg;
+            config.imu.mounting_rpy_deg = [roll, -pitch, -yaw];
+        }
+
         let mut plan = Plan {
             config,
             origin,
             grade,
             grade_picked,
+            mounting,
             clocks: Clocks::default(),
             wheels: None,
             survey,
@@ -177,6 +187,7 @@ impl Plan {
             origin: saved.origin,
             grade: saved.grade,
             grade_picked: saved.grade_picked,
+            mounting: source.mounting()?,
             clocks: saved.clocks,
             wheels: saved.wheels,
             survey,

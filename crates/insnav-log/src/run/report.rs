@@ -1,5 +1,6 @@
 //! What a run tells, with the keys of the command's JSON.
 
+use crate::Mounting;
 use insnav_core::alignment::HeadingSource;
 use insnav_core::filter::BlockInfo;
 use insnav_core::imu::ImuGrade;
@@ -222,6 +223,8 @@ pub struct RunReport {
     pub imu_noise: Option<NoiseReport>,
     /// Lever arm used, forward-right-down, m.
     pub lever_arm_b_m: [f64; 3],
+    /// How the IMU is mounted, where the log's static transforms were taken for it.
+    pub imu_mounting: Option<Mounting>,
     /// The start.
     pub alignment: Option<AlignmentReport>,
     /// Stops, by GNSS speed below 0.1 m/s.

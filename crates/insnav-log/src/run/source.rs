@@ -4,7 +4,7 @@ use super::RunError;
 use super::oddities::facts_of_log;
 use crate::samples::{ReaderState, Samples};
 use crate::sink::SinkState;
-use crate::{Log, McapSink, Role, SourceFacts};
+use crate::{Log, McapSink, Mounting, Role, SourceFacts};
 use insnav_core::sample::{GnssPosition, Sample};
 use insnav_core::solution::Sink;
 use insnav_core::time::Time;
@@ -82,6 +82,11 @@ pub trait Source {
         Ok(None)
     }
 
+    /// How the IMU is mounted, where the source says it and the user does not. The samples are turned by it already.
+    fn mounting(&self) -> Result<Option<Mounting>, RunError> {
+        Ok(None)
+    }
+
     /// What the source tells besides its samples, for findings.
     fn facts(&self) -> Result<SourceFacts, RunError> {
         Ok(SourceFacts::default())
@@ -117,10 +122,12 @@ impl Source for Log {
 
     fn reading(&self) -> String {
         let o = self.options();
+        // A log that cannot be read says so where it is.
+        let mounting = self.mounting_rpy_deg().unwrap_or_default();
         format!(
             "axes {:?}, mounting {:?}, units {:?}, velocity {:?}, stamps {:?}, window {} s, geoid {} m",
             o.imu_axes,
-            o.imu_mounting_rpy_deg,
+            mounting,
             o.imu_units,
             o.gnss_velocity_axes,
             o.time_source,
@@ -135,6 +142,10 @@ impl Source for Log {
 
     fn lever_arm_b(&self) -> Result<Option<Vector3<f64>>, RunError> {
         Ok(Log::lever_arm_b(self)?)
+    }
+
+    fn mounting(&self) -> Result<Option<Mounting>, RunError> {
+        Ok(Log::mounting(self)?.cloned())
     }
 
     fn facts(&self) -> Result<SourceFacts, RunError> {

@@ -72,6 +72,16 @@ pub enum DecodeError {
         /// What is wrong.
         reason: &'static str,
     },
+    /// A field that the user's map names and the message does not have.
+    #[error("nothing that {key} can be read from")]
+    NotMapped {
+        /// Key of the map.
+        key: &'static str,
+        /// Which of its fields.
+        index: usize,
+        /// What the field is instead of a number, if it is there.
+        found: Option<&'static str>,
+    },
     /// A message that is deeper or longer than any real one.
     #[error("the message has more than {0}")]
     TooMuch(&'static str),

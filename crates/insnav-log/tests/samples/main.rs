@@ -1,8 +1,11 @@
 //! Messages become samples: units, axes, order, encodings, and what is dropped and counted on the way.
 
 mod axes;
+mod devices;
 mod encodings;
+mod foreign_bytes;
 mod gnss;
+mod maps;
 mod recorder;
 #[path = "../recordings/mod.rs"]
 mod recordings;

@@ -62,6 +62,27 @@ impl Recorder {
         self.writer.write_to_known_channel(&header, bytes).unwrap();
     }
 
+    /// A message that another program wrote, with its type's name, the language and text of its definition, and its encoding.
+    pub(crate) fn foreign(
+        &mut self,
+        topic: &str,
+        log_time: i64,
+        kind: [&str; 3],
+        definition: &[u8],
+        bytes: &[u8],
+    ) {
+        let [name, language, encoding] = kind;
+        if !self.channels.contains_key(topic) {
+            let schema = self.writer.add_schema(name, language, definition).unwrap();
+            let id = self
+                .writer
+                .add_channel(schema, topic, encoding, &BTreeMap::new())
+                .unwrap();
+            self.channels.insert(topic.into(), id);
+        }
+        self.raw(topic, log_time, bytes);
+    }
+
     pub(crate) fn imu(&mut self, topic: &str, log_time: i64, stamp: i64) {
         let message = Imu {
             header: Header {
