@@ -114,6 +114,10 @@ validators: command ## Solutions are read by other programs: mcap, rosbags, evo,
 	check() { echo "$$1"; .venv-validators/bin/python tests/validators/check_solution.py "$$1"; }; \
 	rm -rf $(OUT)/demo; target/debug/insnav demo --dir $(OUT)/demo --format json >$(OUT)/demo.json; \
 	check $(OUT)/demo/drive.insnav.mcap; \
+	data=$(dir $(DRIVE))..; \
+	if [ -d "$$data/mcap_rosbag2" ]; then .venv-validators/bin/python tests/validators/count_messages.py target/debug/insnav \
+	    "$$data/mcap_rosbag2" "$$data/mcap_evo" "$$data/mcap_real"; \
+	else $(call skip,message counts of other recorders,no folder $$data/mcap_rosbag2); fi; \
 	if [ ! -f "$(DRIVE)" ]; then $(call skip,foreign readers of a recorded drive,no file $(DRIVE)); exit 0; fi; \
 	target/debug/insnav run "$(DRIVE)" --time-offset auto -o $(OUT)/drive.insnav.mcap --force --format json >$(OUT)/drive.json; \
 	check $(OUT)/drive.insnav.mcap

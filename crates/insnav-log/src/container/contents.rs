@@ -1,11 +1,11 @@
 //! What is in a file: schemas, channels, and the stretches of it that hold messages.
 
+use super::account::Recovery;
 use super::integrity::{
     check_data, check_end, check_start, cut_in_chunk, cut_off, record_name, truncated,
 };
 use super::messages::Unpacker;
 use super::records::{Fields, MAGIC, MessageRecord, PREFIX, Record, Records, opcode};
-use super::recovery::Recovery;
 use super::section::{Section, SectionKind, chunk_section};
 use super::typed::McapRecord;
 use crate::error::LogError;

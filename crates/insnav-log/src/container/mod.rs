@@ -8,21 +8,23 @@
 //! A damaged file is an error, unless recovery is asked for: then every chunk is opened, and what cannot be verified is left
 //! out and told.
 
+mod account;
 mod contents;
 mod integrity;
 mod messages;
 mod records;
 mod recovery;
+mod resync;
 mod section;
 mod source;
 mod typed;
 mod walk;
 
+pub use account::{Loss, Recovery};
 pub use contents::Checksums;
 pub(crate) use contents::Contents;
 pub use messages::Message;
 pub(crate) use messages::Messages;
-pub use recovery::{Loss, Recovery};
 pub(crate) use source::Source;
 pub use typed::McapRecord;
 pub(crate) use walk::each_record;

@@ -5,101 +5,17 @@
 //! searched for, byte by byte. Definitions are believed first where a checksum covers them (inside chunks, in an intact
 //! summary), then elsewhere. Messages outside chunks have no checksum but that of the whole data section.
 
+use super::account::{Loss, Recovery};
 use super::contents::Contents;
 use super::integrity::{check_start, record_name, summary_start_checked};
 use super::messages::{Unpacker, decompress_start};
 use super::records::{Fields, MAGIC, MessageRecord, PREFIX, Record, Records, opcode};
-use super::section::{Section, SectionKind, chunk_section};
+use super::resync::{plausible, rest, resync};
+use super::section::{Compression, Section, SectionKind, chunk_section};
 use super::typed::McapRecord;
 use crate::error::LogError;
 use insnav_core::time::Time;
 use std::path::Path;
-
-/// A stretch of a file that could not be kept, or not as a whole.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Loss {
-    /// Where it begins, bytes.
-    pub offset: u64,
-    /// How long it is, bytes.
-    pub length: u64,
-    /// What is wrong there.
-    pub what: String,
-    /// Messages of it that were kept.
-    pub kept: u64,
-    /// Log time of the last message that was kept before it; `None` when there is none.
-    pub after: Option<Time>,
-    /// Log time of the first message that was kept behind it; `None` when there is none.
-    pub before: Option<Time>,
-}
-
-/// What recovery kept and what it did not.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Recovery {
-    /// Stretches that were lost, in order.
-    pub losses: Vec<Loss>,
-    /// What else is wrong with the file, without loss of messages as far as can be told.
-    pub remarks: Vec<String>,
-    /// Messages kept.
-    pub messages_kept: u64,
-    /// Messages that an intact summary counts and that are not there; `None` when there is no such summary.
-    pub messages_missing: Option<u64>,
-    /// Chunks kept, those cut off by the end of the file not counted.
-    pub chunks_kept: u64,
-    /// Chunks known to be lost or cut off.
-    pub chunks_lost: u64,
-}
-
-impl Recovery {
-    /// True when the file is whole.
-    pub fn is_clean(&self) -> bool {
-        self.losses.is_empty()
-            && self.remarks.is_empty()
-            && self.messages_missing.is_none_or(|n| n == 0)
-    }
-
-    /// Bytes in stretches that were lost.
-    pub fn bytes_lost(&self) -> u64 {
-        self.losses.iter().map(|loss| loss.length).sum()
-    }
-
-    /// The account in words, seconds counted from `zero`.
-    pub fn account(&self, zero: Time) -> String {
-        let mut parts = Vec::new();
-        for loss in &self.losses {
-            let kept = match loss.kept {
-                0 => String::new(),
-                n => format!(", {n} messages of it kept"),
-            };
-            let seconds = |t: Time| format!("{:.2} s", t.since(zero));
-            let span = match (loss.after, loss.before) {
-                (Some(a), Some(b)) => format!(", between {} and {}", seconds(a), seconds(b)),
-                (Some(a), None) => format!(", after {}", seconds(a)),
-                (None, Some(b)) => format!(", before {}", seconds(b)),
-                (None, None) => String::new(),
-            };
-            parts.push(format!(
-                "{} bytes at byte {} ({}{kept}{span})",
-                loss.length, loss.offset, loss.what
-            ));
-        }
-        let lost = if parts.is_empty() {
-            "no message lost".to_owned()
-        } else {
-            format!("lost: {}", parts.join("; "))
-        };
-        let missing = match self.messages_missing {
-            Some(n) if n > 0 => {
-                format!("; {n} of the messages that the summary counts are missing")
-            }
-            _ => String::new(),
-        };
-        let remarks: String = self.remarks.iter().map(|r| format!("; {r}")).collect();
-        format!(
-            "{} messages kept in {} whole chunks, {} chunks damaged; {lost}{missing}{remarks}",
-            self.messages_kept, self.chunks_kept, self.chunks_lost
-        )
-    }
-}
 
 impl Contents {
     /// As [`Contents::read`], for a file that may be damaged.
@@ -353,7 +269,7 @@ impl<'a> Salvage<'a> {
         );
         let inside = look_inside(&self.buffer, &mut self.contents);
         *size = inside.whole;
-        if matches!(compression, super::section::Compression::None) {
+        if matches!(compression, Compression::None) {
             data.end = data.start + inside.whole;
         }
         let kept = inside.counts.values().sum();
@@ -593,7 +509,7 @@ fn cut_section(body: &[u8], at: usize, size_limit: usize) -> Option<Section> {
     let mut fields = Fields(body);
     let (start, end, size) = (fields.u64()?, fields.u64()?, fields.u64()?);
     fields.u32()?;
-    let compression = super::section::Compression::by_name(fields.string()?)?;
+    let compression = Compression::by_name(fields.string()?)?;
     fields.u64()?;
     let begin = at + PREFIX + (body.len() - fields.0.len());
     Some(Section {
@@ -609,68 +525,5 @@ fn cut_section(body: &[u8], at: usize, size_limit: usize) -> Option<Section> {
             crc: 0,
             cut: true,
         },
-    })
-}
-
-/// Bytes behind the last known field of a record; `None` when it is not what its opcode says. Of a record with an unknown
-/// opcode nothing can be said.
-fn rest(record: &Record<'_>) -> Option<usize> {
-    let mut fields = Fields(record.body);
-    match record.opcode {
-        0 => None,
-        opcode::CHUNK => {
-            (fields.u64()?, fields.u64()?, fields.u64()?, fields.u32()?);
-            super::section::Compression::by_name(fields.string()?)?;
-            fields.long_bytes()?;
-            Some(fields.0.len())
-        }
-        opcode::MESSAGE_INDEX => {
-            fields.u16()?;
-            let entries = fields.bytes()?;
-            entries.len().is_multiple_of(16).then_some(fields.0.len())
-        }
-        // Readers find it by its length from the end of the file.
-        opcode::FOOTER => (record.body.len() == 20).then_some(0),
-        op if op > opcode::DATA_END => Some(usize::MAX),
-        _ => McapRecord::parse_with_rest(record).map(|(_, rest)| rest),
-    }
-}
-
-/// Whether a record may begin at `at`, or the file ends there.
-fn plausible(bytes: &[u8], at: usize) -> bool {
-    match bytes.get(at..) {
-        None => return false,
-        Some(rest) if MAGIC.starts_with(rest) => return true,
-        Some(_) => {}
-    }
-    match Records::new(bytes, at).next() {
-        Some(Ok(record)) => record.opcode <= opcode::DATA_END && rest(&record).is_some(),
-        Some(Err(cut)) => cut
-            .prefix
-            .is_none_or(|(op, length)| (1..=opcode::DATA_END).contains(&op) && length < 1 << 40),
-        None => true,
-    }
-}
-
-/// How many records must follow each other to be believed after damage.
-const CHAIN: usize = 3;
-
-/// The next place from which records follow each other.
-fn resync(bytes: &[u8], from: usize) -> Option<usize> {
-    (from..bytes.len()).find(|&at| {
-        let mut next = at;
-        for _ in 0..CHAIN {
-            let Some(Ok(record)) = Records::new(bytes, next).next() else {
-                return next > at && plausible(bytes, next);
-            };
-            if record.opcode > opcode::DATA_END || rest(&record).is_none() {
-                return false;
-            }
-            next += PREFIX + record.body.len();
-            if bytes[next..] == *MAGIC {
-                return true;
-            }
-        }
-        true
     })
 }
