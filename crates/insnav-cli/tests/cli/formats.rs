@@ -88,7 +88,14 @@ fn receivers_files_become_logs_and_references() {
 
     // The same fixes, so the same comparison, from whichever file.
     let solution = folder.text("s.mcap");
-    let done = insnav_json(["run", &folder.text("drive.mcap"), "-o", &solution, "--time-offset", "0"]);
+    let done = insnav_json([
+        "run",
+        &folder.text("drive.mcap"),
+        "-o",
+        &solution,
+        "--time-offset",
+        "0",
+    ]);
     assert_eq!(done.code, 0, "{}", done.stderr);
     let judged = |reference: &str| {
         let done = insnav_json(["compare", &solution, &folder.text(reference)]);
@@ -102,12 +109,18 @@ fn receivers_files_become_logs_and_references() {
             all["height_rms_m"].as_f64().unwrap(),
         )
     };
-    let (count, horizontal, height) = judged("fixes.pos");
-    assert!(count as usize > fixes * 9 / 10 && horizontal < 2.0, "{count} {horizontal}");
-    let other = judged("fixes.nmea");
-    assert_eq!(other.0, count);
-    // Eight decimals of a minute are 0.02 mm, four of a metre of height 0.1 mm.
-    assert!((other.1 - horizontal).abs() < 1e-3 && (other.2 - height).abs() < 1e-3);
+    let drive = folder.text("drive.mcap");
+    let done = insnav_json(["convert", &drive, "-o", &folder.text("tables")]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let (count, horizontal, height) = judged("tables/gnss.csv.gz");
+    assert!(count as usize > fixes * 9 / 10, "{count}");
+    for file in ["fixes.pos", "fixes.nmea"] {
+        let other = judged(file);
+        assert_eq!(other.0, count, "{file}");
+        // Eight decimals of a minute are 0.02 mm, four of a metre of height 0.1 mm.
+        assert!((other.1 - horizontal).abs() < 1e-3, "{file}: {other:?}");
+        assert!((other.2 - height).abs() < 1e-3, "{file}: {other:?}");
+    }
 }
 
 #[test]
