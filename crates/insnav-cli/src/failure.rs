@@ -35,11 +35,11 @@ impl Failure {
     }
 
     pub(crate) fn usage(message: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Failure::new("usage", message, remedy).as_usage()
+        Failure::new("usage", message, remedy).into_usage()
     }
 
     /// The same, laid to what was typed.
-    pub(crate) fn as_usage(self) -> Self {
+    pub(crate) fn into_usage(self) -> Self {
         Failure {
             exit: USAGE,
             ..self
@@ -96,7 +96,7 @@ impl From<LogError> for Failure {
                     ..Problem::from(e).into()
                 }
             }
-            LogError::OutputIsTerminal => Failure::from(Problem::from(e)).as_usage(),
+            LogError::OutputIsTerminal => Failure::from(Problem::from(e)).into_usage(),
             _ => Problem::from(e).into(),
         }
     }

@@ -86,7 +86,7 @@ impl<S: Iterator + ?Sized> Iterator for Counted<S> {
 
     fn next(&mut self) -> Option<S::Item> {
         self.done += 1;
-        if self.done % STEP == 0 {
+        if self.done.is_multiple_of(STEP) {
             self.progress.at(self.done);
         }
         self.samples.next()

@@ -70,7 +70,7 @@ impl SettingsFlags {
                 format!("{}: {key} must be {expected}", by.flag),
                 "give the flag another value",
             )
-            .as_usage();
+            .into_usage();
         }
         let assigns = |text: &&String| {
             let name = text.split_once('=').map(|(name, _)| name.trim());
@@ -81,7 +81,7 @@ impl SettingsFlags {
                 format!("--set {text}: must be {expected}"),
                 "give the key another value",
             )
-            .as_usage();
+            .into_usage();
         }
         match &self.config {
             Some(path) => failure(
@@ -103,5 +103,9 @@ fn blame(error: ConfigError) -> Failure {
         _ => false,
     };
     let failure = Failure::from(error);
-    if by_flag { failure.as_usage() } else { failure }
+    if by_flag {
+        failure.into_usage()
+    } else {
+        failure
+    }
 }

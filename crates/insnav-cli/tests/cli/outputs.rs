@@ -185,5 +185,8 @@ fn progress_is_for_terminals() {
     };
     let text = String::from_utf8_lossy(&done.stdout);
     assert!(done.status.success() && text.contains("(pass 1)"), "{text}");
-    assert!(!text.contains("\x1b[3") && !text.contains("\x1b[1"), "{text:?}");
+    assert!(
+        !text.contains("\x1b[3") && !text.contains("\x1b[1"),
+        "{text:?}"
+    );
 }

@@ -251,11 +251,8 @@ fn a_part_may_have_no_gnss() {
     let folder = Folder::with_drive();
     cut(&folder, 60.0);
     let begin = drive().samples[0].time();
-    let inertial: Vec<Sample> = drive().samples.iter().copied().collect();
-    let tunnel: Vec<Sample> = inertial
-        .into_iter()
-        .filter(|s| s.is_inertial() && s.time().since(begin) >= 60.0)
-        .collect();
+    let in_tunnel = |s: &Sample| s.is_inertial() && s.time().since(begin) >= 60.0;
+    let tunnel: Vec<Sample> = drive().samples.iter().copied().filter(in_tunnel).collect();
     write_log(&folder.path("tunnel.mcap"), &tunnel);
     let state = folder.text("run.state");
     run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
