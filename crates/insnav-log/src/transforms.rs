@@ -6,7 +6,7 @@ use crate::ros2::Transforms;
 use crate::samples::imu_to_body;
 use crate::topics::Role;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub struct StaticTransform {
 }
 
 /// How the IMU is mounted, as a log's static transforms say.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mounting {
     /// Roll, pitch, yaw of the IMU's axes in those of the body, forward-left-up, degrees.
     pub rpy_deg: [f64; 3],

@@ -345,6 +345,14 @@ impl Run {
         Ok(self.resume.as_deref().map(SavedRun::read).transpose()?)
     }
 
+    fn open(&self, job: &Job, config: &Config, saved: Option<&SavedRun>) -> Result<Log, Failure> {
+        let mut options = self.reading.options(config, self.settings.maps()?);
+        if let Some(saved) = saved {
+            options = saved.read_options(options);
+        }
+        Ok(Log::open(&job.input, options)?)
+    }
+
     fn plan(
         &self,
         source: &(impl Source + ?Sized),
@@ -359,10 +367,7 @@ impl Run {
 
     fn one(&self, job: &Job, config: &Config, watched: bool) -> Result<Outcome, Failure> {
         let saved = self.saved()?;
-        let log = Log::open(
-            &job.input,
-            self.reading.options(config, self.settings.maps()?),
-        )?;
+        let log = self.open(job, config, saved.as_ref())?;
         let source: &dyn Source = if watched { &Watched::new(&log) } else { &log };
         let plan = self.plan(source, config, saved.as_ref())?;
         let mut sink = sink(&plan, &log, job, self.force)?;
@@ -411,11 +416,9 @@ impl Run {
                 "give one log",
             ));
         };
-        let log = Log::open(
-            &job.input,
-            self.reading.options(config, self.settings.maps()?),
-        )?;
-        let plan = self.plan(&Watched::new(&log), config, self.saved()?.as_ref())?;
+        let saved = self.saved()?;
+        let log = self.open(job, config, saved.as_ref())?;
+        let plan = self.plan(&Watched::new(&log), config, saved.as_ref())?;
         let text = config_text(&plan.config);
         output.warnings(&plan.warnings);
         output.result(&serde_json::json!({ "config": text }), || text.clone());

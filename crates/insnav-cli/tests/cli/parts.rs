@@ -3,6 +3,8 @@
 use crate::fixture::{Folder, drive, insnav_json, messages, recordings, rewrite, write_log};
 use insnav_core::sample::Sample;
 use insnav_core::time::Time;
+use insnav_log::cdr::{CdrWriter, Endian};
+use insnav_log::ros2::{Encode, Header, TfMessage, TransformStamped};
 
 /// Cut `drive.mcap` in two at a log time, s after the begin: `a.mcap` and `b.mcap`.
 fn cut(folder: &Folder, at_s: f64) {
@@ -258,4 +260,53 @@ fn a_part_may_have_no_gnss() {
     run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
     let report = run(&folder, "tunnel.mcap", "t.out.mcap", &["--resume", &state]);
     assert!((report["duration_s"].as_f64().unwrap() - 120.0).abs() < 0.1);
+}
+
+/// A recorder writes static transforms once: the mounting of the first part holds for the next, which has none.
+#[test]
+fn the_mounting_of_the_first_part_stays() {
+    let folder = Folder::with_drive();
+    let header = |stamp, frame_id| Header { stamp, frame_id };
+    let stamp = drive().samples[0].time();
+    let (s, c) = 2.5_f64.to_radians().sin_cos();
+    let transforms = [
+        TransformStamped {
+            header: header(stamp, "imu_link"),
+            child_frame_id: "gps",
+            translation: nalgebra::Vector3::new(0.3, 0.4, 1.2),
+            rotation: [0.0, 0.0, 0.0, 1.0],
+        },
+        TransformStamped {
+            header: header(stamp, "base_link"),
+            child_frame_id: "imu_link",
+            translation: nalgebra::Vector3::zeros(),
+            rotation: [0.0, 0.0, s, c],
+        },
+    ];
+    let mut cdr = CdrWriter::new(Endian::Little);
+    let message = TfMessage {
+        transforms: &transforms,
+    };
+    message.write(&mut cdr);
+    std::fs::rename(folder.path("drive.mcap"), folder.path("plain.mcap")).unwrap();
+    let (from, to) = (folder.path("plain.mcap"), folder.path("drive.mcap"));
+    rewrite(&from, &to, |mut m| {
+        if m.topic == "/tf_static" {
+            m.data = cdr.bytes().to_vec();
+        }
+        vec![m]
+    });
+    cut(&folder, 70.0);
+    let state = folder.text("run.state");
+    let first = run(&folder, "a.mcap", "a.out.mcap", &["--save-state", &state]);
+    let second = run(&folder, "b.mcap", "b.out.mcap", &["--resume", &state]);
+    let yaw = first["imu_mounting"]["rpy_deg"][2].as_f64().unwrap();
+    assert!((yaw - 5.0).abs() < 1e-9, "{yaw}");
+    assert_eq!(first["imu_mounting"], second["imu_mounting"]);
+    std::fs::write(folder.path("car.toml"), first["config"].as_str().unwrap()).unwrap();
+    let settings = folder.text("car.toml");
+    run(&folder, "drive.mcap", "whole.mcap", &["-c", &settings]);
+    let mut parts = messages(&folder.path("a.out.mcap"));
+    parts.extend(messages(&folder.path("b.out.mcap")));
+    assert!(parts == messages(&folder.path("whole.mcap")));
 }

@@ -88,6 +88,7 @@ impl Plan {
                 grade_picked: self.grade_picked,
                 clocks: self.clocks,
                 wheels: self.wheels,
+                mounting: self.mounting.clone(),
                 reader: samples.state(),
                 navigator: navigator.clone(),
                 totals: tally.totals.clone(),

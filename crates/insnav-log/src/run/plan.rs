@@ -187,7 +187,7 @@ impl Plan {
             origin: saved.origin,
             grade: saved.grade,
             grade_picked: saved.grade_picked,
-            mounting: source.mounting()?,
+            mounting: saved.mounting.clone(),
             clocks: saved.clocks,
             wheels: saved.wheels,
             survey,

@@ -8,7 +8,8 @@ use super::tally::Totals;
 use crate::output_file::OutputFile;
 use crate::samples::ReaderState;
 use crate::sink::SinkState;
-use crate::{LogError, config_text, parse_config};
+use crate::transforms::Mounting;
+use crate::{LogError, ReadOptions, config_text, parse_config};
 use insnav_core::config::Config;
 use insnav_core::imu::ImuGrade;
 use insnav_core::navigator::Navigator;
@@ -45,6 +46,8 @@ pub struct SavedRun {
     pub(super) grade_picked: bool,
     pub(super) clocks: Clocks,
     pub(super) wheels: Option<WheelReport>,
+    /// The mounting that the first part's transforms gave.
+    pub(super) mounting: Option<Mounting>,
     pub(super) reader: ReaderState,
     pub(super) navigator: Navigator,
     pub(super) totals: Totals,
@@ -202,6 +205,16 @@ impl SavedRun {
             return Err(damaged("its settings are not those of its header"));
         }
         Ok(run)
+    }
+
+    /// How to read the next part: as the user says, and with the mounting that the first part's transforms gave, which its
+    /// recorder need not repeat.
+    #[must_use]
+    pub fn read_options(&self, mut options: ReadOptions) -> ReadOptions {
+        if options.imu_mounting_rpy_deg.is_none() {
+            options.imu_mounting_rpy_deg = self.mounting.as_ref().map(|m| m.rpy_deg);
+        }
+        options
     }
 
     /// Refuse to go on with other settings than the run began with.
