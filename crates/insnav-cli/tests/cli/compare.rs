@@ -1,9 +1,7 @@
 //! A solution against a reference.
 
-use crate::fixture::{Folder, drive, insnav, insnav_json};
-use insnav_core::attitude::Euler;
+use crate::fixture::{Folder, insnav, insnav_json, truth_table};
 use serde_json::Value;
-use std::fmt::Write as _;
 
 /// The drive, run with every second fix withheld, and its truth with `north_m` added.
 fn prepared(north_m: f64) -> Folder {
@@ -12,31 +10,7 @@ fn prepared(north_m: f64) -> Folder {
         insnav(["run", &folder.text("drive.mcap"), "--withhold", "every:2"]).code,
         0
     );
-    let start = drive().trajectory.start();
-    let mut text = String::from("t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg\n");
-    for i in 0..600 {
-        let t = 0.2 * f64::from(i);
-        let nav = drive().truth_at(start.plus(t)).nav;
-        let at = nav
-            .position
-            .offset(&nalgebra::Vector3::new(north_m, 0.0, 0.0));
-        let (v, e) = (nav.velocity_n, Euler::from_quaternion(&nav.q_nb));
-        writeln!(
-            text,
-            "{t},{},{},{},{},{},{},{},{},{}",
-            at.latitude_deg(),
-            at.longitude_deg(),
-            at.height,
-            v.x,
-            v.y,
-            v.z,
-            e.roll.to_degrees(),
-            e.pitch.to_degrees(),
-            e.heading_deg()
-        )
-        .unwrap();
-    }
-    std::fs::write(folder.path("drive.truth.csv"), text).unwrap();
+    std::fs::write(folder.path("drive.truth.csv"), truth_table(north_m)).unwrap();
     folder
 }
 

@@ -1,9 +1,11 @@
 //! Small logs, and the command run on them.
 
+use insnav_core::attitude::Euler;
 use insnav_core::sample::Sample;
 use insnav_core::sim::{Scenario, Simulation};
 use insnav_log::{LogWriter, LogWriterOptions};
 use serde_json::Value;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -92,6 +94,40 @@ pub(crate) fn drive() -> &'static Simulation {
     })
 }
 
+/// The truth of the drive as a table, with `north_m` added.
+pub(crate) fn truth_table(north_m: f64) -> String {
+    truth_of(drive(), north_m, 600)
+}
+
+/// The truth of a simulation as a table of so many rows, 0.2 s apart, with `north_m` added.
+pub(crate) fn truth_of(drive: &Simulation, north_m: f64, rows: u32) -> String {
+    let start = drive.trajectory.start();
+    let mut text = String::from("t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg\n");
+    for i in 0..rows {
+        let t = 0.2 * f64::from(i);
+        let nav = drive.truth_at(start.plus(t)).nav;
+        let at = nav
+            .position
+            .offset(&nalgebra::Vector3::new(north_m, 0.0, 0.0));
+        let (v, e) = (nav.velocity_n, Euler::from_quaternion(&nav.q_nb));
+        writeln!(
+            text,
+            "{t},{},{},{},{},{},{},{},{},{}",
+            at.latitude_deg(),
+            at.longitude_deg(),
+            at.height,
+            v.x,
+            v.y,
+            v.z,
+            e.roll.to_degrees(),
+            e.pitch.to_degrees(),
+            e.heading_deg()
+        )
+        .unwrap();
+    }
+    text
+}
+
 /// A folder that vanishes, with the drive's log in it.
 pub(crate) struct Folder {
     dir: TempDir,
@@ -145,7 +181,12 @@ pub(crate) fn lever_arm() -> LogWriterOptions {
 
 /// A log with the demonstration's lever arm as a static transform.
 pub(crate) fn write_log(path: &Path, samples: &[Sample]) {
-    let mut writer = LogWriter::create(path, lever_arm()).expect("writable");
+    write_log_with(path, samples, lever_arm());
+}
+
+/// A log of these samples.
+pub(crate) fn write_log_with(path: &Path, samples: &[Sample], options: LogWriterOptions) {
+    let mut writer = LogWriter::create(path, options).expect("writable");
     for sample in samples {
         writer
             .write(sample)

@@ -4,6 +4,7 @@ mod compare;
 mod convert;
 mod demo;
 mod errors;
+mod findings;
 mod fixture;
 mod formats;
 mod info;

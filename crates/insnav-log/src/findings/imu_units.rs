@@ -84,7 +84,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
         rate: units.rate
             * match rate {
                 Some((Rate::DegPerS, _)) => 1f64.to_radians(),
-                Some((Rate::Factor(f), _)) => rounded(f),
+                Some((Rate::Factor(f), _)) if force != Force::Increments => rounded(f),
                 _ => 1.0,
             },
         increments: units.increments || force == Force::Increments,
@@ -169,6 +169,10 @@ enum Rate {
 
 /// Turn of the course against turn about the vertical of the gyros, with the vertical from gravity.
 pub(super) fn turn_slope(facts: &Facts<'_>, down: &Vector3<f64>) -> Option<Slope> {
+    any_turn_slope(facts, down).filter(|s| s.sigma < 0.1 * s.value.abs() && s.explained > 0.5)
+}
+
+fn any_turn_slope(facts: &Facts<'_>, down: &Vector3<f64>) -> Option<Slope> {
     let points: Vec<(f64, f64, f64)> = facts
         .motion
         .stretches
@@ -180,7 +184,7 @@ pub(super) fn turn_slope(facts: &Facts<'_>, down: &Vector3<f64>) -> Option<Slope
             Some((s.imu?.rate.dot(down), across / speed, speed * speed))
         })
         .collect();
-    slope(&points).filter(|s| s.sigma < 0.1 * s.value.abs() && s.explained > 0.5)
+    slope(&points)
 }
 
 /// The factor on rates, if they need one, with the evidence for it.
@@ -188,18 +192,28 @@ fn rate_factor(facts: &Facts<'_>) -> Option<(Rate, String)> {
     let m = &facts.motion;
     if m.steadiness > STEADY {
         let down = -m.mean_force.normalize();
-        if let Some(s) = turn_slope(facts, &down) {
-            let factor = s.value.abs();
-            let evidence = format!(
+        let seen = |s: &Slope| {
+            format!(
                 "the course turns {:.4} ± {:.4} times as far as the gyros say",
-                factor, s.sigma
-            );
-            if (factor / 1f64.to_radians() - 1.0).abs() < 0.2 {
+                s.value.abs(),
+                s.sigma
+            )
+        };
+        if let Some(s) = any_turn_slope(facts, &down) {
+            let (factor, sigma) = (s.value.abs(), s.sigma);
+            // Degrees are 57 times away from radians: a rough slope will do.
+            let off = (factor - 1f64.to_radians()).abs();
+            if sigma < 0.25 * factor && off < (3.0 * sigma).max(0.2 * factor) && off < 0.6 * factor
+            {
                 return Some((
                     Rate::DegPerS,
-                    format!("{evidence}: they give degrees per second, not radians"),
+                    format!("{}: they give degrees per second, not radians", seen(&s)),
                 ));
             }
+        }
+        if let Some(s) = turn_slope(facts, &down) {
+            let factor = s.value.abs();
+            let evidence = seen(&s);
             return (!(0.75..1.3).contains(&factor)).then_some((Rate::Factor(factor), evidence));
         }
     }

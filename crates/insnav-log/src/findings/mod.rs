@@ -182,11 +182,30 @@ pub(crate) fn of_topics(source: &SourceFacts, origin: Time) -> Vec<Finding> {
     stamps::find(source, origin)
 }
 
-/// Where clocks in the data contradict the settings by more than chance.
+/// Where clocks in the data contradict the settings by more than chance, given what else was found.
+///
+/// Offsets are found by motion: what does not fit the motion for another reason feigns them, and is to be mended first.
 pub(crate) fn of_clocks(
     offset: Option<Estimate>,
     lag: Option<Estimate>,
     config: &Config,
+    others: &[Finding],
 ) -> Vec<Finding> {
+    let spoilt = |begin: &str| {
+        let spoils = |f: &Finding| {
+            f.severity > Severity::Note
+                && (f.code.starts_with(begin) && f.code != "imu_gaps"
+                    || [
+                        "clock_step",
+                        "clock_drift",
+                        "different_clocks",
+                        "gnss_frozen",
+                    ]
+                    .contains(&f.code))
+        };
+        others.iter().any(spoils)
+    };
+    let offset = offset.filter(|_| !spoilt("imu_"));
+    let lag = lag.filter(|_| !spoilt("velocity_"));
     clocks::find(offset, lag, config)
 }

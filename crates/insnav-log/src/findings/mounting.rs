@@ -13,6 +13,8 @@ const TOLERATED: f64 = 25.0 / 180.0 * std::f64::consts::PI;
 const NEAR: f64 = 22.0 / 180.0 * std::f64::consts::PI;
 /// A forward axis must be known as well as this, rad.
 const KNOWN: f64 = 6.0 / 180.0 * std::f64::consts::PI;
+/// This well will do to tell right angles apart, rad: they are four sigmas from the middle between two.
+const ROUGHLY: f64 = 10.0 / 180.0 * std::f64::consts::PI;
 /// And motion explain this much of the forces, or it is no vehicle that moves where it points.
 const COHERENT: f64 = 0.5;
 
@@ -27,9 +29,16 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let up_force = m.mean_force.normalize();
     let mut down = -up_force;
     let seen = Seen::new(facts, &down);
-    let mirrored = seen.is_mirrored();
     let slope = turn_slope(facts, &down);
     let mut found = Vec::new();
+    let backward = seen.forward(false).is_some_and(|(f, _)| f.x < -0.7);
+    // Upside down and backward is what a wrong sign looks like on a straight road; there only the turns can tell.
+    let looks_inverted = seen.fits_both() && down.z < -0.7 && backward;
+    if looks_inverted && slope.is_none() {
+        found.push(either_sign());
+        return found;
+    }
+    let mirrored = seen.is_mirrored() || looks_inverted && slope.is_some_and(|s| s.value < 0.0);
     if mirrored {
         // The force points down where it should point up: the vertical is the other one.
         down = up_force;
@@ -58,19 +67,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     }
     if turns_agree == Some(false) && !seen.tells() {
         // Too few changes of speed to say which.
-        found.push(
-            Finding::new(
-                "imu_sign",
-                Severity::Fatal,
-                "the course turns against what the gyros say about the axis that gravity calls down: accelerometers or gyros have the \
-                 wrong sign, or other axes than declared",
-                "every corner would be taken to the wrong side",
-            )
-            .remedy(
-                "drive with changes of speed to tell which, or try `--imu-units=-1m/s2` (accelerometers that give gravity) and \
-                 `--imu-units=-1rad/s`",
-            ),
-        );
+        found.push(either_sign());
         return found;
     }
     if turns_agree == Some(false) {
@@ -91,6 +88,21 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     found
 }
 
+/// One of both sensors has the wrong sign, and the motion does not tell which.
+fn either_sign() -> Finding {
+    Finding::new(
+        "imu_sign",
+        Severity::Fatal,
+        "gravity, changes of speed and turns do not fit together: accelerometers or gyros have the wrong sign, or the unit is \
+         mounted upside down and backward",
+        "every corner would be taken to the wrong side, or braking for accelerating",
+    )
+    .remedy(
+        "drive with turns and changes of speed to tell which, or try `--imu-units=-1m/s2` (accelerometers that give gravity), \
+         `--imu-units=-1rad/s`, and `--imu-mounting-deg pitch=180`",
+    )
+}
+
 /// Forces that the unit felt beside accelerations that the receiver saw.
 struct Seen {
     /// Directions in the body's axes as declared: two horizontal ones, the second to the right of the first.
@@ -99,6 +111,8 @@ struct Seen {
     pairs: Vec<(Pair, Pair)>,
     direct: Option<Turn>,
     mirrored: Option<Turn>,
+    /// By speed times turn alone, as the gyros have it: for slow vehicles, whose accelerations the positions hardly show.
+    by_turns: Option<Turn>,
 }
 
 impl Seen {
@@ -143,6 +157,7 @@ impl Seen {
         Seen {
             first,
             second,
+            by_turns: by_turns(facts, down, &first, &second),
             direct: turn(&pairs, false),
             mirrored: turn(&pairs, true),
             pairs,
@@ -155,6 +170,13 @@ impl Seen {
         self.pairs.len() >= 20 && of(&self.direct).max(of(&self.mirrored)) > COHERENT
     }
 
+    /// Whether the motion was so straight that the mirror image fits about as well.
+    fn fits_both(&self) -> bool {
+        let of = |t: &Option<Turn>| t.map_or(0.0, |t| t.coherence);
+        let (direct, mirrored) = (of(&self.direct), of(&self.mirrored));
+        direct.min(mirrored) > COHERENT && (direct - mirrored).abs() < 0.3
+    }
+
     /// Whether the forces fit the motion only as their mirror image.
     fn is_mirrored(&self) -> bool {
         let of = |t: &Option<Turn>| t.map_or(0.0, |t| t.coherence);
@@ -164,8 +186,12 @@ impl Seen {
 
     /// Forward, in the body's axes as declared, and how well it is known.
     fn forward(&self, mirrored: bool) -> Option<(Vector3<f64>, Turn)> {
-        let t = if mirrored { self.mirrored } else { self.direct }?;
-        let known = t.sigma < KNOWN && t.coherence > COHERENT && self.pairs.len() >= 20;
+        let known = |t: &Turn| t.sigma < KNOWN && t.coherence > COHERENT && self.pairs.len() >= 20;
+        let t = if mirrored {
+            self.mirrored.filter(known)
+        } else {
+            self.direct.filter(known).or(self.by_turns)
+        }?;
         // Mirrored, the second axis points the other way; and the force itself.
         let (second, sign) = if mirrored {
             (-self.second, -1.0)
@@ -173,8 +199,52 @@ impl Seen {
             (self.second, 1.0)
         };
         let forward = sign * (self.first * t.angle.cos() - second * t.angle.sin());
-        known.then_some((forward, t))
+        Some((forward, t))
     }
+}
+
+/// Forward by the force to the right in turns: speed times the rate of the gyros about the vertical.
+///
+/// The size of the force must be right as well, which neither chance nor gyros in another unit achieve.
+fn by_turns(
+    facts: &Facts<'_>,
+    down: &Vector3<f64>,
+    first: &Vector3<f64>,
+    second: &Vector3<f64>,
+) -> Option<Turn> {
+    let points: Vec<(f64, f64, f64)> = facts
+        .motion
+        .stretches
+        .iter()
+        .filter_map(|s| {
+            let imu = s.imu?;
+            let across = s.speed() * imu.rate.dot(down);
+            Some((across, imu.force.dot(first), imu.force.dot(second)))
+        })
+        .collect();
+    let n = points.len() as f64;
+    let mean = |of: fn(&(f64, f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
+    let (mx, mre, mim) = (mean(|p| p.0), mean(|p| p.1), mean(|p| p.2));
+    let (mut xx, mut re, mut im, mut ff) = (0.0, 0.0, 0.0, 0.0);
+    for p in &points {
+        let (x, a, b) = (p.0 - mx, p.1 - mre, p.2 - mim);
+        xx += x * x;
+        re += x * a;
+        im += x * b;
+        ff += a * a + b * b;
+    }
+    let explained = (re * re + im * im) / xx;
+    let scale = re.hypot(im) / xx;
+    let sigma = ((ff - explained) / (2.0 * (n - 2.0)) / xx).sqrt() / scale;
+    let turn = Turn {
+        // Force to the right is a quarter turn from forward.
+        angle: std::f64::consts::FRAC_PI_2 - im.atan2(re),
+        sigma,
+        scale,
+        coherence: (explained / ff).sqrt(),
+    };
+    let sure = n >= 50.0 && (0.6..1.6).contains(&scale) && sigma < ROUGHLY;
+    sure.then_some(turn)
 }
 
 fn mounting(
@@ -197,13 +267,16 @@ fn mounting(
     let right = down.cross(&forward);
     // Rows: forward, right and down of the vehicle in the axes as declared.
     let found = Matrix3::from_rows(&[forward.transpose(), right.transpose(), down.transpose()]);
-    let rotation = Rotation3::from_matrix(&found);
+    let rotation = Rotation3::from_matrix_unchecked(found);
     let yaw_tells = rotation.angle() > TOLERATED && rotation.angle() > 3.0 * known.sigma;
     if !yaw_tells || facts.config.vehicle.kind == VehicleKind::Any && tilt < TOLERATED {
         return None;
     }
     let (nearest, off) = nearest_right_angled(&rotation);
     let snapped = off < NEAR;
+    if !snapped && known.sigma > KNOWN {
+        return (tilt > TOLERATED).then(|| tilted(facts, down, &gravity, consequence));
+    }
     let rotation = if snapped { nearest } else { rotation };
     if rotation.angle() < 1e-6 {
         return None;
@@ -297,7 +370,7 @@ fn mounting_flag(facts: &Facts<'_>, rotation: &Rotation3<f64>) -> String {
     let in_use = imu_to_body(options.imu_axes, options.imu_mounting_rpy_deg);
     // What is due is rotation · in_use = axes · mounting.
     let mounting = axes.transpose() * rotation.matrix() * in_use;
-    let (roll, pitch, yaw) = Rotation3::from_matrix(&mounting).euler_angles();
+    let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(mounting).euler_angles();
     let parts: Vec<String> = [("roll", roll), ("pitch", pitch), ("yaw", yaw)]
         .into_iter()
         .map(|(name, angle)| (name, angle.to_degrees().round()))

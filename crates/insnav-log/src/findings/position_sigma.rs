@@ -15,10 +15,12 @@ const TOO_LARGE: f64 = 6.0;
 const FEWEST: usize = 100;
 /// The lower quartile of |x| for a normal x of unit variance.
 const QUARTILE: f64 = 0.318_639;
+/// The median of |x| likewise.
+const MEDIAN: f64 = 0.674_490;
 /// Spans over which positions may wander against the integral of velocity, s.
 const SPAN: f64 = 60.0;
 /// Fewest of them.
-const FEWEST_SPANS: usize = 5;
+const FEWEST_SPANS: usize = 3;
 
 pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     let stated = stated(facts)?;
@@ -119,7 +121,7 @@ fn scatter(facts: &Facts<'_>) -> Option<f64> {
     }
 }
 
-/// How far positions wander from the integral of velocity over a minute: the middle one of the spans' rms about their mean, m.
+/// How far positions wander from the integral of velocity over a minute: the middle one of the spans' sigmas, m.
 fn wander(facts: &Facts<'_>) -> Option<f64> {
     let (fixes, velocities) = (&facts.survey.positions, &facts.survey.velocities);
     let lag = facts.config.gnss.velocity_lag_s;
@@ -155,10 +157,16 @@ fn wander(facts: &Facts<'_>) -> Option<f64> {
             let now = way + used[at].velocity_n.xy() * rest;
             errors.push(first.position.offset_to(&fix.position).xy() - now);
         }
-        let n = errors.len() as f64;
-        let mean = errors.iter().sum::<nalgebra::Vector2<f64>>() / n;
-        let squares: f64 = errors.iter().map(|e| (e - mean).norm_squared()).sum();
-        spans.push((squares / (2.0 * n)).sqrt());
+        // Middle ones, so that an outlier does not count.
+        let middle = |of: &dyn Fn(&nalgebra::Vector2<f64>) -> f64| {
+            quantile(&mut errors.iter().map(of).collect::<Vec<f64>>(), 0.5)
+        };
+        let (x, y) = (middle(&|e| e.x), middle(&|e| e.y));
+        let mut off: Vec<f64> = errors
+            .iter()
+            .flat_map(|e| [(e.x - x).abs(), (e.y - y).abs()])
+            .collect();
+        spans.push(quantile(&mut off, 0.5) / MEDIAN);
     }
     (spans.len() >= FEWEST_SPANS).then(|| quantile(&mut spans, 0.5))
 }

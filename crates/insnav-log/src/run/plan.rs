@@ -293,7 +293,12 @@ impl Plan {
             let has_velocity = !self.survey.velocities.is_empty();
             self.warnings.extend(clocks.not_observable(has_velocity));
         } else {
-            let found = findings::of_clocks(clocks.offset_found, clocks.lag_found, &self.config);
+            let found = findings::of_clocks(
+                clocks.offset_found,
+                clocks.lag_found,
+                &self.config,
+                &self.findings,
+            );
             self.warnings.extend(findings::warnings(&found));
             self.findings.extend(found);
         }
