@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// Parameters
 /// ----------
 /// log : path or Arrays
-///     An MCAP file with ROS 2 messages, or a mapping of arrays (see :class:`Arrays`).
+///     An MCAP file with ROS 2, ROS 1, JSON or foxglove protobuf messages, or a mapping of arrays (see :class:`Arrays`).
 /// config : mapping or path, optional
 ///     Settings: a mapping with the sections and keys of the TOML file, such as
 ///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, or the path of a file.
@@ -80,6 +80,7 @@ pub(crate) fn run(
 ) -> PyResult<Solution> {
     let py = log.py();
     let fail = |e: Failure| e.into_py_err(py);
+    let maps = settings::maps(config)?;
     let mut config = settings::config(config)?;
     let mut options = RunOptions::default();
     match time_offset_s {
@@ -119,9 +120,11 @@ pub(crate) fn run(
         let arrays = inputs::arrays(mapping, &job.config)?;
         py.detach(|| job.run(&arrays, &[]))
     } else if let Ok(path) = log.extract::<PathBuf>() {
-        let reading = read_options(topics, imu_axes, time_source)
-            .map_err(fail)?
-            .with_mounting_of(&job.config);
+        let reading = ReadOptions {
+            maps,
+            ..read_options(topics, imu_axes, time_source).map_err(fail)?
+        }
+        .with_mounting_of(&job.config);
         py.detach(|| {
             let log = Log::open(&path, reading)?;
             // As the command has it, so that both write the same file.

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// Look at a log: topics, rates, gaps, clocks, stops, what looks wrong, and what `run` would use
 #[derive(Args, Debug)]
 pub(crate) struct Info {
-    /// The log, MCAP with ROS 2 messages
+    /// The log: MCAP with ROS 2, ROS 1, JSON or foxglove protobuf messages
     log: PathBuf,
 
     #[command(flatten)]

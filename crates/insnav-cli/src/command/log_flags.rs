@@ -26,7 +26,8 @@ pub(super) enum Clock {
 
 #[derive(Args, Clone, Debug)]
 pub(super) struct LogFlags {
-    /// Topic of a role: imu, gnss, gnss-velocity (repeatable; a role is found by itself when only one topic can serve)
+    /// Topic of a role: imu, gnss, gnss-velocity, tf, heading, or none for none (repeatable; a role is found by itself when only
+    /// one topic can serve, but for heading, which has to be named: that of the body's forward axis)
     #[arg(long, value_name = "ROLE=/TOPIC", value_parser = topic)]
     topic: Vec<(Role, String)>,
 
@@ -48,6 +49,7 @@ pub(super) struct LogFlags {
     gnss_velocity_axes: VelocityAxes,
 
     /// Mounting of the IMU in the vehicle, degrees, such as roll=90,yaw=-90 (the angles of a URDF, in the axes of --imu-axes)
+    /// [default: that of the settings, else of /tf_static from base_link to the IMU's frame]
     #[arg(long, value_name = "ANGLES", value_parser = mounting, allow_hyphen_values = true)]
     imu_mounting_deg: Option<Angles>,
 

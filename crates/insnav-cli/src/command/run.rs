@@ -25,7 +25,7 @@ use std::sync::mpsc;
 /// standard output: text and JSON then go to standard error.
 #[derive(Args, Debug)]
 pub(crate) struct Run {
-    /// Logs, MCAP with ROS 2 messages, or folders of them; each is a run of its own
+    /// Logs, MCAP with ROS 2, ROS 1, JSON or foxglove protobuf messages, or folders of them; each is a run of its own
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
 

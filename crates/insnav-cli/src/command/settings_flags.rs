@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
 pub(super) struct SettingsFlags {
-    /// Settings, TOML
+    /// Settings, TOML; with [[map]] for messages of types of your own (which field is which quantity)
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
 
