@@ -124,7 +124,7 @@ pub enum LogError {
         /// Its encoding.
         encoding: String,
         /// Why its messages cannot be read, where they could serve.
-        problem: Option<String>,
+        problem: Option<Box<str>>,
     },
     /// A topic whose messages cannot be read at all.
     #[error("{}: the messages of {topic} cannot be read", path.display())]
@@ -140,17 +140,17 @@ pub enum LogError {
         /// The path as given.
         path: PathBuf,
         /// Topic of the message.
-        topic: String,
+        topic: Box<str>,
         /// Log time of the message.
         time: Time,
         /// Key of the map.
         key: &'static str,
         /// Path of the field.
-        field: String,
+        field: Box<str>,
         /// What the field is instead of a number.
         found: Option<&'static str>,
         /// Paths of the message's numbers.
-        fields: Vec<String>,
+        fields: Box<[String]>,
     },
     /// A message whose bytes are not what its type says.
     #[error("{}: {topic} at {time} (log time): not a valid {schema}: {source}", path.display())]
@@ -164,7 +164,7 @@ pub enum LogError {
         /// Type of the message.
         schema: String,
         /// What is wrong with the bytes.
-        source: DecodeError,
+        source: Box<DecodeError>,
     },
     /// Inertial stamps that go backward by more than the reorder window.
     #[error("{}: {topic}: stamp {time} comes after {previous} in the log, beyond the reorder window of {window_s} s", path.display())]
@@ -278,7 +278,7 @@ fn instead(found: &Option<&'static str>) -> String {
     )
 }
 
-fn because(problem: &Option<String>) -> String {
+fn because(problem: &Option<Box<str>>) -> String {
     problem
         .as_ref()
         .map_or_else(String::new, |problem| format!(": {problem}"))

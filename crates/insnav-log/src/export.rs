@@ -206,7 +206,7 @@ impl<'a> Writer<'a> {
             )?,
             (_, 0) if self.last.is_some() => write!(out, ",\n[")?,
             (_, 0) => write!(out, "[")?,
-            (ExportFormat::Geojson, _) => write!(out, ",\n")?,
+            (ExportFormat::Geojson, _) => writeln!(out, ",")?,
             _ => {}
         }
         // Nine decimals of a degree are a tenth of a millimetre.

@@ -474,12 +474,12 @@ impl Log {
                 .and_then(|reader| Some(reader.fields(message.data).ok()?.number_paths()));
             return LogError::NotMapped {
                 path: self.path.clone(),
-                topic: self.topics[topic].name.clone(),
+                topic: self.topics[topic].name.as_str().into(),
                 time: message.log_time,
                 key,
-                field: map.field(key, index).unwrap_or_default(),
+                field: map.field(key, index).unwrap_or_default().into(),
                 found,
-                fields: fields.unwrap_or_default(),
+                fields: fields.unwrap_or_default().into(),
             };
         }
         let topic = &self.topics[topic];
@@ -491,7 +491,7 @@ impl Log {
                 Some(kind) => kind.to_string(),
                 None => topic.schema.clone(),
             },
-            source,
+            source: Box::new(source),
         }
     }
 }
@@ -504,7 +504,8 @@ fn list_topics(
     bytes: &[u8],
     path: &Path,
 ) -> Result<(Vec<TopicInfo>, Vec<Option<Format>>), LogError> {
-    let mut topics: BTreeMap<(&str, &str, &str), (TopicInfo, &[u8], bool)> = BTreeMap::new();
+    type Key<'a> = (&'a str, &'a str, &'a str);
+    let mut topics: BTreeMap<Key<'_>, (TopicInfo, &[u8], bool)> = BTreeMap::new();
     let range = contents.time_range();
     for (id, channel) in &contents.channels {
         let schema = contents.schemas.get(&channel.schema);

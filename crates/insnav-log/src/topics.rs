@@ -228,7 +228,7 @@ fn find_named(
             topic: name.into(),
             schema: topic.schema.clone(),
             encoding: topic.encoding.clone(),
-            problem: topic.problem.clone(),
+            problem: topic.problem.as_deref().map(Into::into),
         });
     }
     Ok(index)

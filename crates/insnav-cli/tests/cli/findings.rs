@@ -461,7 +461,7 @@ fn stated(change: impl Fn(f64) -> f64) -> Vec<Sample> {
     let mut samples = drive().samples.clone();
     for sample in &mut samples {
         if let Sample::GnssPosition(p) = sample {
-            p.covariance_n = p.covariance_n.map(|c| c.map(|x| change(x)));
+            p.covariance_n = p.covariance_n.map(|c| c.map(&change));
         }
     }
     samples

@@ -11,7 +11,8 @@ pub(super) fn rest(record: &Record<'_>) -> Option<usize> {
     match record.opcode {
         0 => None,
         opcode::CHUNK => {
-            (fields.u64()?, fields.u64()?, fields.u64()?, fields.u32()?);
+            fields.u64().and(fields.u64()).and(fields.u64())?;
+            fields.u32()?;
             Compression::by_name(fields.string()?)?;
             fields.long_bytes()?;
             Some(fields.0.len())

@@ -31,7 +31,10 @@ pub(crate) fn gps_fix<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, Decode
             .or_else(|| from_sigmas(err_horz / CIRCLE_95, err_vert / AXIS_95)),
     };
     // All zero without an error is what a driver leaves that measures no velocity.
-    let stated = !(speed == 0.0 && track_deg == 0.0 && climb == 0.0 && !(err_speed > 0.0));
+    let stated = !(speed == 0.0
+        && track_deg == 0.0
+        && climb == 0.0
+        && (err_speed.is_nan() || err_speed <= 0.0));
     let velocity = (speed.is_finite() && track_deg.is_finite() && stated).then(|| {
         let (sin, cos) = track_deg.to_radians().sin_cos();
         let vertical = if err_climb > 0.0 {

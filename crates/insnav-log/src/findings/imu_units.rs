@@ -228,7 +228,7 @@ fn rate_factor(facts: &Facts<'_>) -> Option<(Rate, String)> {
     (most > FASTEST).then(|| {
         (
             Rate::DegPerS,
-            format!("the gyros turn at {most:.0} rad/s over a tenth of a second, which is {:.0} turns a second: they seem to give degrees per second", most / 6.283),
+            format!("the gyros turn at {most:.0} rad/s over a tenth of a second, which is {:.0} turns a second: they seem to give degrees per second", most / std::f64::consts::TAU),
         )
     })
 }

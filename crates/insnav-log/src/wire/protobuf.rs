@@ -162,8 +162,11 @@ impl LocationFixLayout {
     }
 }
 
-/// Name, number and type of every field of the message named `LocationFix` in a set of file descriptors.
-fn location_fix_fields(set: &[u8]) -> Result<Vec<(&[u8], u64, u64)>, DecodeError> {
+/// Name, number and type of a field.
+type FieldLayout<'a> = (&'a [u8], u64, u64);
+
+/// Every field of the message named `LocationFix` in a set of file descriptors.
+fn location_fix_fields(set: &[u8]) -> Result<Vec<FieldLayout<'_>>, DecodeError> {
     let mut fields = Vec::new();
     let mut files = Cursor::new(set, 0);
     while let Some((number, content)) = files.next()? {
