@@ -22,6 +22,8 @@ ready_route = "car"
 [start]
 latitude_deg = 50.1
 longitude_deg = 14.4
+height_m = 250
+heading_deg = 70
 [imu]
 rate_hz = 100
 [gnss]
