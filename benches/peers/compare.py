@@ -272,7 +272,7 @@ def run_insnav(data: Data, grade: Grade, scale_factors: bool) -> tuple[Array, fl
     config: dict[str, Any] = {
         # Fixes here are white, and nothing tells insnav that this is a car.
         "gnss": {"lever_arm_b_m": [0.0, 0.0, 0.0], "correlation_time_s": 0.0},
-        "vehicle": {"kind": "any"},
+        "vehicle": {"kind": "any", "nonholonomic": "off"},
         "noise": {
             "gyro_arw_deg_per_sqrt_hour": grade.gyro_arw_deg_per_sqrt_hour,
             "accel_vrw_m_per_s_per_sqrt_hour": grade.accel_vrw_m_per_s_per_sqrt_hour,
@@ -283,6 +283,8 @@ def run_insnav(data: Data, grade: Grade, scale_factors: bool) -> tuple[Array, fl
         },
         "output": {"rate_hz": 0.0},
     }
+    if scale_factors:
+        config["imu"] = {"gyro_scale_sigma_ppm": grade.gyro_scale_ppm, "accel_scale_sigma_ppm": grade.accel_scale_ppm}
     level, heading = grade.start_level_deg, grade.start_heading_deg
     start = {
         "latitude_deg_longitude_deg_height_m": data.start[["lat", "lon", "alt"]].to_numpy(dtype=float),
