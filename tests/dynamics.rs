@@ -6,7 +6,7 @@
 //! needed with its sign.
 
 use insnav::attitude::{exp, skew};
-use insnav::config::GnssConfig;
+use insnav::config::{GnssConfig, SigmaScale};
 use insnav::earth::{Geodetic, LocalEarth};
 use insnav::filter::{
     BASE, CAPACITY, Calibration, Columns, Eskf, InitialSigma, Layout, Measurement, Nominal, States,
@@ -467,6 +467,8 @@ fn position_model(at: &Nominal, source: &mut Source) -> GnssPositionModel {
         lever_arm_b: lever(source),
         position: at.nav.position.offset(&(source.normal3() * 5.0)),
         r: Matrix3::identity(),
+        dependence: 1.0,
+        position_alone: false,
     }
 }
 
@@ -577,7 +579,7 @@ fn stated_covariances_pass_through_scaled_and_floored() {
     let nominal = Case::random(0).nominal;
     let config = GnssConfig {
         sigma_floor_m: 0.5,
-        sigma_scale: 2.0,
+        sigma_scale: SigmaScale::Fixed(2.0),
         velocity_sigma_floor_m_per_s: 0.1,
         ..GnssConfig::default()
     };
@@ -586,13 +588,13 @@ fn stated_covariances_pass_through_scaled_and_floored() {
         position: nominal.nav.position,
         covariance_n,
     };
-    let model = GnssPositionAid::new(&config).model(&fix(Some(r)));
+    let model = GnssPositionAid::new(&config).model(&fix(Some(r)), true);
     let used = model.linearize(&nominal, &Layout::default()).r;
     let mut expected = r * 4.0;
     expected[(1, 1)] = 0.25;
     assert_eq!(used, expected);
     let unstated = GnssPositionAid::new(&GnssConfig::default())
-        .model(&fix(None))
+        .model(&fix(None), true)
         .r;
     assert_eq!(unstated, Matrix3::from_diagonal_element(9.0));
 

@@ -252,6 +252,8 @@ fn every_model_has_the_derivatives_of_its_residual() {
                 position,
                 lever_arm_b,
                 r,
+                dependence: 1.0,
+                position_alone: false,
             },
             &at,
             &layout,
@@ -322,8 +324,9 @@ fn colour_states_take_the_place_of_the_weight_for_dependence() {
         let mut aid = GnssPositionAid::new(&config);
         let at = random_nominal(&mut Source::new(1, Stream::Initial));
         let mut filter = open_filter(&at);
-        aid.observe(&fix(0.0), &mut filter).unwrap();
-        aid.model(&fix(0.1)).r[(0, 0)]
+        aid.observe(&fix(0.0), None, &mut filter).unwrap();
+        let model = aid.model(&fix(0.1), false);
+        model.r[(0, 0)] * model.dependence
     };
     assert_eq!(variance(None), 10.0);
     let colour = ColourConfig {

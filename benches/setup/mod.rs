@@ -95,6 +95,8 @@ pub(crate) fn fix(filter: &Eskf) -> GnssPositionModel {
         position: at.position.offset(&(at.q_nb * lever_arm_b)),
         lever_arm_b,
         r: Matrix3::new(1.0, 0.2, 0.1, 0.2, 1.2, -0.3, 0.1, -0.3, 4.0),
+        dependence: 1.0,
+        position_alone: false,
     }
 }
 

@@ -61,6 +61,44 @@ impl Recording {
         })
     }
 
+    /// The same drive, one fix in four replaced by the position of a second before with sigma 0. Errors are still against the
+    /// recording's own fixes.
+    fn with_late_rows(&self) -> Recording {
+        let work = TempDir::new().expect("a temporary folder");
+        let tables = work.path().join("tables");
+        insnav(&["convert", text(&self.log), "-o", text(&tables)]);
+        let path = tables.join("gnss.csv.gz");
+        let mut content = String::new();
+        let file = std::fs::File::open(&path).expect("just written");
+        std::io::Read::read_to_string(&mut flate2::read::GzDecoder::new(file), &mut content)
+            .expect("gzip");
+        let rows: Vec<Vec<&str>> = content.lines().map(|l| l.split(',').collect()).collect();
+        let time = |row: &[&str]| row[0].parse::<f64>().expect("a time");
+        let mut out = String::new();
+        for (i, row) in rows.iter().enumerate() {
+            let mut row = row.clone();
+            if i >= 5 && i % 4 == 1 && (time(&row) - time(&rows[i - 4]) - 1.0).abs() < 0.01 {
+                row[1..4].copy_from_slice(&rows[i - 4][1..4]);
+                row[7..10].fill("0");
+            }
+            out.push_str(&row.join(","));
+            out.push('\n');
+        }
+        let file = std::fs::File::create(&path).expect("just read");
+        let mut to = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        std::io::Write::write_all(&mut to, out.as_bytes()).expect("room on the disk");
+        to.finish().expect("room on the disk");
+        let log = work.path().join("late.mcap");
+        insnav(&["convert", text(&tables), "-o", text(&log)]);
+        Recording {
+            folder: self.folder.clone(),
+            work,
+            log,
+            settings: self.settings.clone(),
+            length_s: self.length_s,
+        }
+    }
+
     fn run(&self, flags: &[&str]) -> (Value, PathBuf) {
         let out = self.work.path().join("solution.mcap");
         let mut arguments = vec!["run", text(&self.log), "-o", text(&out), "--force"];
@@ -181,6 +219,73 @@ fn hipnuc_drive() {
         course_std(&comparison),
         0.8,
     );
+}
+
+/// The same without a word about its sigmas: what fixes scatter by is learnt. The bars are those of the factor by hand.
+#[test]
+fn hipnuc_drive_without_a_factor() {
+    let Some(drive) = Recording::open("hipnuc_20220504", 773.0, &[]) else {
+        return;
+    };
+    let (report, out) = drive.run(&[]);
+    let aiding = report["aiding"].as_array().expect("a list");
+    let positions = aiding
+        .iter()
+        .find(|a| a["name"] == "gnss_position")
+        .expect("positions were used");
+    let nis = number(&positions["nis_mean"]);
+    println!(
+        "hipnuc, NIS/dof {nis:.3}, sigmas {}",
+        report["gnss_sigma_scale"]
+    );
+    assert!((nis - 1.0).abs() <= 0.3, "{nis}");
+    // What residuals cannot show stays: the receiver states 2 m and more.
+    assert!(number(&report["final"]["sigma_horizontal_m"]) > 2.0);
+    assert!(number(&report["gnss_sigma_scale"]["horizontal"]) < 0.2);
+    let comparison = drive.compare(&out, "gnss.csv.gz", &["--course"]);
+    at_most(
+        "hipnuc, heading minus course, std deg, learnt",
+        course_std(&comparison),
+        0.82,
+    );
+    at_most(
+        "hipnuc, every second fix withheld, horizontal m, learnt",
+        drive.half(),
+        0.25,
+    );
+    at_most(
+        "hipnuc, 15 s outages, horizontal m, learnt",
+        drive.outages(),
+        1.56,
+    );
+    // Negative control: as stated.
+    let (report, _) = drive.run(&["--set", "gnss.sigma_scale=1"]);
+    let aiding = report["aiding"].as_array().expect("a list");
+    let nis = aiding
+        .iter()
+        .find(|a| a["name"] == "gnss_position")
+        .map(|a| number(&a["nis_mean"]));
+    assert!(nis.expect("positions were used") < 0.1, "{nis:?}");
+}
+
+/// One fix in four is that of a second ago with a sigma of zero, as some receivers give between their own.
+#[test]
+fn rtkexp_with_late_rows() {
+    let lever_arm = ["gnss.lever_arm_b_m=[0.0, -0.05, 0.0]"];
+    let Some(clean) = Recording::open("rtkexp_drive_0708", 548.0, &lever_arm) else {
+        return;
+    };
+    let late = clean.with_late_rows();
+    for (what, clean, late) in [
+        ("every second fix withheld", clean.half(), late.half()),
+        ("15 s outages", clean.outages(), late.outages()),
+    ] {
+        at_most(
+            &format!("rtkexp with late rows over clean, {what}"),
+            late / clean,
+            1.3,
+        );
+    }
 }
 
 /// One minute of a car at speed with a phone's unit; the reference pose is stamped by the phone, as the IMU is.

@@ -4,7 +4,8 @@
 
 use crate::error::{Error, Result};
 use crate::imu::{ImuGrade, ImuNoise, STANDARD_GRAVITY};
-use serde::{Deserialize, Serialize};
+use serde::de::{self, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// All settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -68,7 +69,11 @@ impl Config {
             "gnss.velocity_sigma_floor_m_per_s",
             gnss.velocity_sigma_floor_m_per_s,
         )?;
-        positive("gnss.sigma_scale", Some(gnss.sigma_scale))?;
+        positive("gnss.sigma_scale", gnss.sigma_scale.fixed())?;
+        positive(
+            "gnss.velocity_sigma_scale",
+            gnss.velocity_sigma_scale.fixed(),
+        )?;
         not_negative("gnss.correlation_time_s", gnss.correlation_time_s)?;
         positive("imu.gyro_scale_sigma_ppm", imu.gyro_scale_sigma_ppm)?;
         positive("imu.accel_scale_sigma_ppm", imu.accel_scale_sigma_ppm)?;
@@ -154,8 +159,10 @@ pub struct GnssConfig {
     pub sigma_floor_m: f64,
     /// Least standard deviation of a velocity component that is believed, m/s.
     pub velocity_sigma_floor_m_per_s: f64,
-    /// Factor on stated position sigmas.
-    pub sigma_scale: f64,
+    /// Factor on stated position sigmas, or `auto`: learnt from the residuals.
+    pub sigma_scale: SigmaScale,
+    /// Factor on stated velocity sigmas, or `auto`: learnt, never below 1.
+    pub velocity_sigma_scale: SigmaScale,
     /// Correlation time of position errors, s: fixes that come faster than twice this are weighed down until their mean is
     /// believed no more than errors of that correlation allow. No receiver's fixes are independent within a second (its own
     /// filter sees to that); errors of multipath and atmosphere are correlated for far longer.
@@ -190,13 +197,86 @@ impl Default for GnssConfig {
             // A carrier-phase fix is good to a centimetre and its antenna sways against the IMU by about as much.
             sigma_floor_m: 0.01,
             velocity_sigma_floor_m_per_s: 0.02,
-            sigma_scale: 1.0,
+            sigma_scale: SigmaScale::Auto,
+            velocity_sigma_scale: SigmaScale::Auto,
             correlation_time_s: 0.5,
             time_offset_s: 0.0,
             velocity_lag_s: 0.0,
             colour: None,
             lever_arm_sigma_m: None,
             time_offset_sigma_s: None,
+        }
+    }
+}
+
+/// A factor on the sigmas that a receiver states: a number, or `"auto"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum SigmaScale {
+    /// Learnt from the residuals.
+    #[default]
+    Auto,
+    /// As given.
+    Fixed(f64),
+}
+
+impl SigmaScale {
+    /// The number, if one is given.
+    pub fn fixed(self) -> Option<f64> {
+        match self {
+            SigmaScale::Auto => None,
+            SigmaScale::Fixed(k) => Some(k),
+        }
+    }
+}
+
+impl Serialize for SigmaScale {
+    fn serialize<S: Serializer>(&self, serializer: S) -> core::result::Result<S::Ok, S::Error> {
+        if !serializer.is_human_readable() {
+            return self.fixed().serialize(serializer);
+        }
+        match self {
+            SigmaScale::Auto => serializer.serialize_str("auto"),
+            SigmaScale::Fixed(k) => serializer.serialize_f64(*k),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for SigmaScale {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> core::result::Result<Self, D::Error> {
+        if deserializer.is_human_readable() {
+            deserializer.deserialize_any(NumberOrAuto)
+        } else {
+            let fixed = Option::<f64>::deserialize(deserializer)?;
+            Ok(fixed.map_or(SigmaScale::Auto, SigmaScale::Fixed))
+        }
+    }
+}
+
+struct NumberOrAuto;
+
+impl Visitor<'_> for NumberOrAuto {
+    type Value = SigmaScale;
+
+    fn expecting(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("a number or \"auto\"")
+    }
+
+    fn visit_f64<E: de::Error>(self, k: f64) -> core::result::Result<SigmaScale, E> {
+        Ok(SigmaScale::Fixed(k))
+    }
+
+    fn visit_i64<E: de::Error>(self, k: i64) -> core::result::Result<SigmaScale, E> {
+        Ok(SigmaScale::Fixed(k as f64))
+    }
+
+    fn visit_u64<E: de::Error>(self, k: u64) -> core::result::Result<SigmaScale, E> {
+        Ok(SigmaScale::Fixed(k as f64))
+    }
+
+    fn visit_str<E: de::Error>(self, text: &str) -> core::result::Result<SigmaScale, E> {
+        match text {
+            "auto" => Ok(SigmaScale::Auto),
+            other => Err(E::invalid_value(de::Unexpected::Str(other), &self)),
         }
     }
 }

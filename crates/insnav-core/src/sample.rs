@@ -105,7 +105,8 @@ impl Sample {
         matches!(self, Sample::Imu(_) | Sample::ImuIncrement(_))
     }
 
-    /// `Err` with the name of the quantity that has a NaN or an infinity in it.
+    /// `Err` with the name of the quantity that has a NaN, an infinity or a value without meaning in it: a heading's sigma of
+    /// zero, a position at a pole.
     ///
     /// The Down component of a GNSS velocity may be NaN ("horizontal only").
     pub fn check_finite(&self) -> Result<(), &'static str> {
@@ -122,7 +123,12 @@ impl Sample {
                 (finite(&s.velocity_b), "velocity increment"),
             ],
             Sample::GnssPosition(s) => [
-                (s.position.is_valid(), "GNSS position"),
+                // At the poles themselves there is no north.
+                (
+                    s.position.is_valid()
+                        && s.position.latitude.abs() < core::f64::consts::FRAC_PI_2,
+                    "GNSS position",
+                ),
                 (covariance(&s.covariance_n), "GNSS position covariance"),
             ],
             Sample::GnssVelocity(s) => [
@@ -135,7 +141,7 @@ impl Sample {
             ],
             Sample::Heading(s) => [
                 (s.heading.is_finite(), "heading"),
-                (s.sigma.is_finite(), "heading sigma"),
+                (s.sigma.is_finite() && s.sigma > 0.0, "heading sigma"),
             ],
         };
         checks

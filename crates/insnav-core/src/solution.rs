@@ -99,6 +99,13 @@ pub enum Event {
         /// The stamp.
         time: Time,
     },
+    /// Refused positions agreed with each other for so long that the filter went over to them.
+    PositionReset {
+        /// Instant of the fix that decided.
+        time: Time,
+        /// How far the filter moved at most, NED, m.
+        offset_n: Vector3<f64>,
+    },
     /// A sample with NaN or infinity in it was not used.
     NotFinite {
         /// Its stamp.

@@ -473,7 +473,10 @@ mod tests {
     #[test]
     fn maps_are_for_the_reader_and_faults_in_them_are_named() {
         let text = "[gnss]\nsigma_scale = 2\n[[map]]\ntopic = \"/x\"\nangular_rate_rad_per_s = [\"a\", \"b\", \"c\"]\n";
-        assert_eq!(parse(text, &[]).unwrap().gnss.sigma_scale, 2.0);
+        assert_eq!(
+            parse(text, &[]).unwrap().gnss.sigma_scale.fixed(),
+            Some(2.0)
+        );
         let maps = |more: &str| parse_maps(&format!("{text}{more}"), "car.toml");
         let force = "specific_force_m_per_s2 = [\"d\", \"e\", \"-f * 9.8\"]\n";
         assert_eq!(maps(force).unwrap()[0].topic, "/x");

@@ -62,8 +62,8 @@ pub use output_file::{check_output, is_standard_stream, remove_unfinished_output
 pub use problem::Problem;
 pub use run::{
     AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, KnownStart, NoiseReport, Plan,
-    RunError, RunOptions, RunReport, SavedRun, SolutionSink, Source, StateError, StopReport,
-    Stream, Survey, Warning, Withhold, find,
+    ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport, SolutionSink, Source,
+    StateError, StopReport, Stream, Survey, Warning, Withhold, find,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};

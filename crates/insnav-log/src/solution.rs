@@ -445,6 +445,8 @@ impl UpdateRow {
             verdict: match update.verdict {
                 0 => Verdict::Accepted,
                 1 => Verdict::Inflated,
+                3 => Verdict::Reset,
+                4 => Verdict::Frozen,
                 _ => Verdict::Rejected,
             },
         }

@@ -3,7 +3,7 @@
 use super::{entry, maybe, plural, short, span, way};
 use crate::command::Outcome;
 use insnav_core::alignment::HeadingSource;
-use insnav_log::{AlignmentReport, Estimate, RunReport};
+use insnav_log::{AlignmentReport, Estimate, RunReport, ScaleReport};
 
 /// The summary of a run.
 pub(crate) fn run_summary(outcome: &Outcome) -> String {
@@ -42,11 +42,13 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     let width = r.aiding.iter().map(|a| a.name.len()).max().unwrap_or(0);
     for (i, a) in r.aiding.iter().enumerate() {
         let line = format!(
-            "{:<width$}  {:>6} used, {} inflated, {} rejected; NIS/dof {}{}",
+            "{:<width$}  {:>6} used, {} inflated, {} rejected{}{}; NIS/dof {}{}",
             a.name,
             a.used,
             a.inflated,
             a.rejected,
+            some(a.frozen, "frozen"),
+            some(a.reset, "taken over"),
             maybe(a.nis_mean),
             if i == 0 {
                 " (1 when the stated noise is right)"
@@ -56,6 +58,7 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
         );
         add(if i == 0 { "aiding" } else { "" }, line);
     }
+    add("gnss sigmas", sigma_scales(r));
     if r.withheld > 0 {
         add(
             "withheld",
@@ -97,6 +100,33 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
         },
     );
     text
+}
+
+/// What was done about stated sigmas.
+fn sigma_scales(r: &RunReport) -> String {
+    let part = |what: &str, s: &ScaleReport| {
+        let how = if s.learnt { "learnt" } else { "as set" };
+        let (h, v) = (short(s.horizontal), short(s.vertical));
+        if s.horizontal == s.vertical {
+            format!("{what} as stated × {h} ({how})")
+        } else {
+            format!("{what} as stated × {h} horizontal, {v} vertical ({how})")
+        }
+    };
+    format!(
+        "{}; {}",
+        part("position", &r.gnss_sigma_scale),
+        part("velocity", &r.gnss_velocity_sigma_scale)
+    )
+}
+
+/// A count with its name, if there is anything to count.
+fn some(count: usize, what: &str) -> String {
+    if count == 0 {
+        String::new()
+    } else {
+        format!(", {count} {what}")
+    }
 }
 
 fn drive(r: &RunReport) -> String {

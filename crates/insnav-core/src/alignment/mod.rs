@@ -2,6 +2,7 @@
 
 #[cfg(feature = "std")]
 mod course;
+mod first_fix;
 #[cfg(feature = "std")]
 mod levelling;
 #[cfg(feature = "std")]

@@ -1,6 +1,7 @@
 //! The start of a run: keeps samples until attitude, position and heading are known at the first of them.
 
 use super::course::{self, Course, Tilt};
+use super::first_fix::{FirstFix, first_fix};
 use super::levelling::{Level, level, level_with_velocity};
 use super::track::{Inertial, Track, inertial};
 use super::{Alignment, HeadingSource};
@@ -175,11 +176,9 @@ impl Startup {
         self.sort();
         let imu = inertial(&self.samples);
         let begin = imu.first()?.time;
-        let fix = *self
-            .positions
-            .iter()
-            .find(|p| p.time >= begin)
-            .or(self.positions.last())?;
+        let after = self.positions.partition_point(|p| p.time < begin);
+        let first = after.min(self.positions.len().checked_sub(1)?);
+        let FirstFix { fix, scatter } = first_fix(&self.positions, first, &self.velocities)?;
         let level = level(&imu, &self.positions, &self.velocities, &self.noise)?;
         let bias = level
             .standing_rate
@@ -209,7 +208,10 @@ impl Startup {
         } else {
             level
         };
-        Some(self.assemble(&imu, &fix, &level, &course, heading_sigma, bias))
+        let mut alignment = self.assemble(&imu, &fix, &level, &course, heading_sigma, bias);
+        let position = &mut alignment.sigma.position;
+        *position = position.sup(&(scatter * 2.0));
+        Some(alignment)
     }
 
     /// A standing rate above this is no bias but a turn, rad/s.

@@ -1,7 +1,7 @@
 //! The IMU's clock offset by the navigator itself: the offset with which its predictions fit the fixes best.
 
 use super::{ClockOffset, Search};
-use crate::config::Config;
+use crate::config::{Config, SigmaScale};
 use crate::error::{Error, Result};
 use crate::filter::Update;
 use crate::imu::ImuNoise;
@@ -46,6 +46,13 @@ pub fn estimate(
     for k in -half..=half {
         let mut config = *config;
         config.gnss.time_offset_s = f64::from(k) * GRID;
+        // Learnt noise would take the misfit upon itself, which is what is looked for.
+        for scale in [
+            &mut config.gnss.sigma_scale,
+            &mut config.gnss.velocity_sigma_scale,
+        ] {
+            *scale = SigmaScale::Fixed(scale.fixed().unwrap_or(1.0));
+        }
         misfits.push(run(part, &config, noise, search)?);
     }
     let total: Vec<f64> = misfits.iter().map(|m| m.iter().sum()).collect();

@@ -20,10 +20,18 @@ pub(super) struct Path {
 
 impl Path {
     pub(super) fn new(samples: &[Sample], zero: Time) -> Self {
+        // A receiver that states sigmas does not vouch for the fixes without.
+        let with_sigma =
+            |s: &&Sample| matches!(s, Sample::GnssPosition(p) if p.covariance_n.is_some());
+        let positions = |s: &&Sample| matches!(s, Sample::GnssPosition(_));
+        let states = 2 * samples.iter().filter(with_sigma).count()
+            > samples.iter().filter(positions).count();
         let mut fixes: Vec<_> = samples
             .iter()
             .filter_map(|s| match s {
-                Sample::GnssPosition(p) if p.position.is_valid() => {
+                Sample::GnssPosition(p)
+                    if p.position.is_valid() && (p.covariance_n.is_some() || !states) =>
+                {
                     Some((p.time.since(zero), p.position))
                 }
                 _ => None,

@@ -10,6 +10,7 @@ use super::columns::{Columns, States};
 use super::layout::{Block, CAPACITY, Layout};
 use super::transition::Transition;
 use crate::error::Result;
+use core::ops::Range;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::{SMatrix, SVector};
@@ -247,7 +248,7 @@ impl Covariance {
         }
         let ill = (0..M).any(|a| innovation.s[(a, a)] > (1.0 + JOSEPH_RATIO) * r[(a, a)]);
         if ill {
-            self.correct_joseph(innovation, h, r);
+            self.correct_joseph(innovation, h, r, 0..n);
         } else {
             let lanes = n.div_ceil(LANE).min(LANES);
             for (i, row) in self.p.iter_mut().enumerate().take(n) {
@@ -265,19 +266,42 @@ impl Covariance {
         dx
     }
 
-    /// P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ: slower, positive whatever the ratio of P to R.
+    /// As [`Covariance::correct`], with a gain on one block alone: all other states stay as they are and as uncertain as they
+    /// are (a Schmidt update, \[Schmidt66\]), and their covariances with the block are those that this gain leaves.
+    pub fn correct_only<const M: usize, const N: usize>(
+        &mut self,
+        innovation: &Innovation<M>,
+        h: &Columns<M>,
+        r: &SMatrix<f64, M, M>,
+        block: Block<N>,
+    ) -> States {
+        let mut dx = [0.0; CAPACITY];
+        let Some(rows) = self.layout.range(block) else {
+            return dx;
+        };
+        for (w, y) in innovation.w.iter().zip(innovation.y) {
+            for i in rows.clone() {
+                dx[i] += w.as_flattened()[i] * y;
+            }
+        }
+        self.correct_joseph(innovation, h, r, rows);
+        dx
+    }
+
+    /// P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ: slower, positive whatever the ratio of P to R and whichever rows K has.
     #[cold]
     fn correct_joseph<const M: usize>(
         &mut self,
         innovation: &Innovation<M>,
         h: &Columns<M>,
         r: &SMatrix<f64, M, M>,
+        rows: Range<usize>,
     ) {
         let n = self.layout.len();
         // K = (L⁻ᵀ W)ᵀ, column by column of W.
         let mut gain = [[0.0; M]; CAPACITY];
         let cholesky = innovation.s.cholesky();
-        for (i, gain) in gain.iter_mut().enumerate().take(n) {
+        for (i, gain) in gain.iter_mut().enumerate().take(rows.end).skip(rows.start) {
             let mut w = SVector::<f64, M>::from_fn(|a, _| innovation.w[a][i / LANE][i % LANE]);
             if let Some(c) = &cholesky {
                 c.l().tr_solve_lower_triangular_mut(&mut w);

@@ -37,6 +37,15 @@ pub trait Measurement<const M: usize> {
     fn name(&self) -> &'static str;
     /// Residual, H and R at an estimate.
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<M>;
+    /// Factor (1 or more) on R in gate and gain, for errors shared with the measurements just before. The NIS is told with R as
+    /// it is: shared errors do not make a single residual larger.
+    fn dependence(&self) -> f64 {
+        1.0
+    }
+    /// The block that alone is corrected, where the measurement must not speak of others; `None`: all states.
+    fn only(&self) -> Option<Block<3>> {
+        None
+    }
 }
 
 /// Standard deviations of a start, one number for each axis of a block.
@@ -237,34 +246,53 @@ impl Eskf {
             .covariance
             .innovation(&h, &r, &residual)
             .map_err(refuse)?;
-        let verdict = gate.judge(innovation.nis, M);
-        let update = Update {
-            time,
-            measurement: measurement.name(),
-            dof: M,
-            residual: core::array::from_fn(|i| if i < M { residual[i] } else { 0.0 }),
-            sigma: core::array::from_fn(|i| {
-                if i < M {
-                    innovation.s[(i, i)].sqrt()
-                } else {
-                    0.0
-                }
-            }),
-            nis: innovation.nis,
-            verdict,
-        };
-        if verdict == Verdict::Inflated {
-            // S grows by the factor that brings the NIS to the gate; what grows is R, so R' = R + (k − 1) S.
-            r += innovation.s * (gate.inflation(innovation.nis, M) - 1.0);
+        let (alone, dependence) = (innovation.nis, measurement.dependence());
+        let mut judged = (innovation.nis, innovation.s);
+        let sigma = core::array::from_fn(|i| {
+            if i < M {
+                innovation.s[(i, i)].sqrt()
+            } else {
+                0.0
+            }
+        });
+        if dependence > 1.0 {
+            r *= dependence;
             innovation = self
                 .covariance
                 .innovation(&h, &r, &residual)
                 .map_err(refuse)?;
         }
-        if verdict != Verdict::Rejected {
-            let dx = self.covariance.correct(&innovation, &h, &r);
-            self.nominal = self.nominal.retract(self.covariance.layout(), &dx);
+        // What moves the position alone has a noise of its own, learnt from single residuals.
+        if measurement.only().is_none() {
+            judged = (innovation.nis, innovation.s);
         }
+        let (nis, s) = judged;
+        let verdict = gate.judge(nis, M);
+        let update = Update {
+            time,
+            measurement: measurement.name(),
+            dof: M,
+            residual: core::array::from_fn(|i| if i < M { residual[i] } else { 0.0 }),
+            sigma,
+            nis: alone,
+            verdict,
+        };
+        if verdict == Verdict::Rejected {
+            return Ok(update);
+        }
+        if verdict == Verdict::Inflated {
+            // S grows by the factor that brings the NIS to the gate; what grows is R, so R' = R + (k − 1) S.
+            r += s * (gate.inflation(nis, M) - 1.0);
+            innovation = self
+                .covariance
+                .innovation(&h, &r, &residual)
+                .map_err(refuse)?;
+        }
+        let dx = match measurement.only() {
+            None => self.covariance.correct(&innovation, &h, &r),
+            Some(block) => self.covariance.correct_only(&innovation, &h, &r, block),
+        };
+        self.nominal = self.nominal.retract(self.covariance.layout(), &dx);
         Ok(update)
     }
 }

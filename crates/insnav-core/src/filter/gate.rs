@@ -50,6 +50,31 @@ impl Gate {
         }
     }
 
+    /// A gate that lets nothing through, to look at a measurement without using it.
+    pub fn closed() -> Self {
+        Gate {
+            limit: [-1.0; 3],
+            patience: u32::MAX,
+            rejected_in_a_row: 0,
+        }
+    }
+
+    /// A gate that widens whatever does not fit.
+    pub fn lenient() -> Self {
+        Gate {
+            patience: 0,
+            ..Gate::default()
+        }
+    }
+
+    /// A gate that never widens by itself: its owner decides what to do about a run of refusals.
+    pub fn strict() -> Self {
+        Gate {
+            patience: u32::MAX,
+            ..Gate::default()
+        }
+    }
+
     /// The factor on S that brings a NIS to the limit.
     pub fn inflation(&self, nis: f64, dof: usize) -> f64 {
         (nis / self.limit[dof - 1]).max(1.0)

@@ -1,11 +1,12 @@
 //! GNSS velocity of an antenna on a lever arm.
 
 use super::antenna::Antenna;
+use super::learnt_noise::{Evidence, LearntNoise};
 use super::{UNSTATED_VELOCITY_SIGMA, believable};
 use crate::config::GnssConfig;
 use crate::error::Result;
 use crate::filter::{
-    CLOCK_OFFSET, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, Update,
+    CLOCK_OFFSET, Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, Update, Verdict,
 };
 use crate::sample::GnssVelocity;
 use nalgebra::{Matrix3, Vector3};
@@ -67,6 +68,8 @@ impl Measurement<2> for HorizontalVelocityModel {
 pub struct GnssVelocityAid {
     lever_arm_b: Vector3<f64>,
     sigma_floor: f64,
+    sigma_scale: f64,
+    learnt: Option<LearntNoise>,
     gate: Gate,
 }
 
@@ -76,20 +79,34 @@ impl GnssVelocityAid {
         GnssVelocityAid {
             lever_arm_b: Vector3::from(config.lever_arm_b_m.unwrap_or_default()),
             sigma_floor: config.velocity_sigma_floor_m_per_s,
+            sigma_scale: config.velocity_sigma_scale.fixed().unwrap_or(1.0),
+            // A velocity is used for attitude, which errors that do not show would spoil: what is stated is the least.
+            learnt: config
+                .velocity_sigma_scale
+                .fixed()
+                .is_none()
+                .then(LearntNoise::upward),
             gate: Gate::default(),
         }
     }
 
     /// The model of one velocity.
     pub fn model(&self, fix: &GnssVelocity) -> GnssVelocityModel {
-        let stated = fix.covariance_n.unwrap_or(Matrix3::from_diagonal_element(
-            UNSTATED_VELOCITY_SIGMA * UNSTATED_VELOCITY_SIGMA,
-        ));
+        let stated = stated(fix);
         GnssVelocityModel {
             velocity_n: fix.velocity_n,
             lever_arm_b: self.lever_arm_b,
-            r: believable(&stated, 1.0, self.sigma_floor),
+            r: match &self.learnt {
+                Some(learnt) => learnt.apply(&stated, self.sigma_floor, true),
+                None => believable(&stated, self.sigma_scale, self.sigma_floor),
+            },
         }
+    }
+
+    /// Factors on stated sigmas as used now, horizontal and vertical.
+    pub fn scale(&self) -> [f64; 2] {
+        self.learnt
+            .map_or([self.sigma_scale; 2], |learnt| learnt.scale())
     }
 
     /// Offer a velocity to the filter; with a NaN Down component, its horizontal part.
@@ -98,10 +115,27 @@ impl GnssVelocityAid {
     /// As [`Eskf::update`].
     pub fn observe(&mut self, fix: &GnssVelocity, filter: &mut Eskf) -> Result<Update> {
         let model = self.model(fix);
-        if fix.velocity_n.z.is_nan() {
-            filter.update(&HorizontalVelocityModel(model), fix.time, &mut self.gate)
+        let update = if fix.velocity_n.z.is_nan() {
+            filter.update(&HorizontalVelocityModel(model), fix.time, &mut self.gate)?
         } else {
-            filter.update(&model, fix.time, &mut self.gate)
+            filter.update(&model, fix.time, &mut self.gate)?
+        };
+        if let Some(learnt) = &mut self.learnt
+            && update.verdict == Verdict::Accepted
+        {
+            let evidence = Evidence {
+                residual: Vector3::from(update.residual),
+                predicted: Vector3::from(update.sigma).map(|s| s * s) - model.r.diagonal(),
+                stated: stated(fix).diagonal(),
+            };
+            learnt.learn(fix.time, &evidence, self.sigma_floor, true);
         }
+        Ok(update)
     }
+}
+
+fn stated(fix: &GnssVelocity) -> Matrix3<f64> {
+    fix.covariance_n.unwrap_or(Matrix3::from_diagonal_element(
+        UNSTATED_VELOCITY_SIGMA * UNSTATED_VELOCITY_SIGMA,
+    ))
 }

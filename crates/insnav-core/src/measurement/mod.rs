@@ -1,14 +1,20 @@
 //! Measurement models: one file each, with its settings, its model and when it is used.
 
 mod antenna;
+mod doubt;
+mod frozen;
 mod gnss_position;
 mod gnss_velocity;
 mod heading;
+mod learnt_noise;
 mod nonholonomic;
 
+pub use doubt::{Doubt, Vote};
+pub use frozen::{Frozen, Moving, Repetition};
 pub use gnss_position::{GnssPositionAid, GnssPositionModel};
 pub use gnss_velocity::{GnssVelocityAid, GnssVelocityModel, HorizontalVelocityModel};
 pub use heading::{HeadingAid, HeadingModel};
+pub use learnt_noise::{Evidence, LearntNoise};
 pub use nonholonomic::{LateralModel, NonholonomicAid, NonholonomicModel};
 
 use nalgebra::Matrix3;

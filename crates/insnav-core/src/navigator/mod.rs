@@ -12,7 +12,7 @@ pub use horizon::HORIZON_CAPACITY;
 use crate::alignment::{Alignment, Startup};
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::filter::{Eskf, InitialSigma};
+use crate::filter::{Eskf, InitialSigma, Verdict};
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
@@ -147,6 +147,16 @@ impl Navigator {
             #[cfg(feature = "std")]
             Stage::Starting(_) => None,
         }
+    }
+
+    /// Factors on the stated position sigmas as used now, horizontal and vertical: learnt, or as set.
+    pub fn gnss_sigma_scale(&self) -> [f64; 2] {
+        self.position.scale()
+    }
+
+    /// Factors on the stated velocity sigmas as used now, horizontal and vertical.
+    pub fn gnss_velocity_sigma_scale(&self) -> [f64; 2] {
+        self.velocity.scale()
     }
 
     /// Position, velocity and attitude at the newest inertial sample: the state at the tail, predicted to the head.
@@ -339,7 +349,10 @@ impl Navigator {
                 rest = Some(tail);
             }
             let outcome = match &aid {
-                Sample::GnssPosition(fix) => self.position.observe(fix, filter),
+                Sample::GnssPosition(fix) => {
+                    let speed = self.speed.speed_at(fix.time);
+                    self.position.observe(fix, speed, filter)
+                }
                 Sample::GnssVelocity(fix) => {
                     self.speed.observe(fix);
                     self.velocity.observe(fix, filter)
@@ -348,7 +361,15 @@ impl Navigator {
                 Sample::Imu(_) | Sample::ImuIncrement(_) => continue,
             };
             match outcome {
-                Ok(update) => sink.update(&update),
+                Ok(update) => {
+                    sink.update(&update);
+                    if update.verdict == Verdict::Reset {
+                        sink.event(&Event::PositionReset {
+                            time: update.time,
+                            offset_n: Vector3::from(update.residual),
+                        });
+                    }
+                }
                 // The interval is finished first: one bad measurement must not cost an increment.
                 Err(error) => failed = Some(error),
             }
@@ -368,7 +389,11 @@ impl Navigator {
             }
         }
         if next.time() >= now && sink.wants_epoch(next.time()) {
-            sink.epoch(&epoch(filter, self.speed.motion_at(next.time())));
+            let mut epoch = epoch(filter, self.speed.motion_at(next.time()));
+            let beyond = self.position.beyond_filter(filter.covariance().layout());
+            let mut position = epoch.covariance.fixed_view_mut::<3, 3>(0, 0);
+            position += beyond;
+            sink.epoch(&epoch);
         }
         failed.map_or(Ok(()), Err)
     }

@@ -19,6 +19,7 @@ const SPEAKS_FOR: f64 = 2.0;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GnssSpeed {
     motion: Motion,
+    speed: f64,
     last: Option<Time>,
 }
 
@@ -26,6 +27,7 @@ impl Default for GnssSpeed {
     fn default() -> Self {
         GnssSpeed {
             motion: Motion::Moving,
+            speed: 0.0,
             last: None,
         }
     }
@@ -40,7 +42,14 @@ impl GnssSpeed {
             Motion::Moving => Motion::Stationary { since: fix.time },
             standing => standing,
         };
+        self.speed = speed;
         self.last = Some(fix.time);
+    }
+
+    /// Horizontal speed of the last velocity, m/s, while it is not too old.
+    pub fn speed_at(&self, now: Time) -> Option<f64> {
+        let last = self.last?;
+        (now.since(last) <= SPEAKS_FOR).then_some(self.speed)
     }
 
     /// What the last velocity said, while it is not too old.

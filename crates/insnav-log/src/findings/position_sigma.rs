@@ -25,7 +25,7 @@ const FEWEST_SPANS: usize = 3;
 pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     let stated = stated(facts)?;
     if let Some(scatter) = scatter(facts).filter(|s| *s > TOO_SMALL * stated) {
-        let scale = facts.config.gnss.sigma_scale * scatter / stated;
+        let scale = facts.config.gnss.sigma_scale.fixed().unwrap_or(1.0) * scatter / stated;
         return Some(
             Finding::new(
                 "position_sigma_too_small",
@@ -41,7 +41,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     }
     let wander = wander(facts).filter(|w| stated > TOO_LARGE * w)?;
     // Half of what is stated may be an error that stays longer than a minute.
-    let scale = facts.config.gnss.sigma_scale * 2.0 * wander / stated;
+    let scale = facts.config.gnss.sigma_scale.fixed().unwrap_or(1.0) * 2.0 * wander / stated;
     Some(
         Finding::new(
             "position_sigma_too_large",
@@ -69,7 +69,7 @@ fn stated(facts: &Facts<'_>) -> Option<f64> {
         .iter()
         .filter_map(|p| p.covariance_n)
         .map(|c| (0.5 * (c[(0, 0)] + c[(1, 1)])).max(0.0).sqrt())
-        .map(|s| (s * gnss.sigma_scale).max(gnss.sigma_floor_m))
+        .map(|s| (s * gnss.sigma_scale.fixed().unwrap_or(1.0)).max(gnss.sigma_floor_m))
         .collect();
     (sigmas.len() >= FEWEST).then(|| quantile(&mut sigmas, 0.5))
 }

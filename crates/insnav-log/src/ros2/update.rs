@@ -19,7 +19,7 @@ pub struct UpdateMessage<'a> {
     pub sigma: [f64; 3],
     /// Normalised innovation squared; its mean over a consistent run is `dof`.
     pub nis: f64,
-    /// 0 accepted, 1 inflated, 2 rejected.
+    /// 0 accepted, 1 inflated, 2 rejected, 3 reset (used after the filter was widened), 4 frozen (a repeated position).
     pub verdict: u8,
 }
 
@@ -61,5 +61,7 @@ float64 nis
 uint8 ACCEPTED=0
 uint8 INFLATED=1
 uint8 REJECTED=2
+uint8 RESET=3
+uint8 FROZEN=4
 uint8 verdict
 ";

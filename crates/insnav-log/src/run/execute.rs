@@ -1,14 +1,18 @@
 //! The one loop.
 
 use super::RunError;
+use super::doubts::doubts;
 use super::plan::Plan;
-use super::report::{Calibrated, Estimate, NoiseReport, RunReport, Warning};
+use super::report::{Calibrated, Estimate, NoiseReport, RunReport, ScaleReport, Warning};
 use super::saved::SavedRun;
 use super::source::{SolutionSink, Source};
 use super::tally::{Tally, Totals};
 use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
+use insnav_core::config::SigmaScale;
+use insnav_core::error::Error as CoreError;
+use insnav_core::navigator::Navigator;
 use insnav_core::sample::Sample;
 use std::time::Instant;
 
@@ -16,8 +20,6 @@ use std::time::Instant;
 const VAGUE_HEADING_DEG: f64 = 20.0;
 /// Gaps beyond this end a run inside the navigator, which begins another.
 const LONGEST_BRIDGED_S: f64 = 5.0;
-/// Above this share of rejected measurements the user is told.
-const MANY_REJECTED: f64 = 0.1;
 
 impl Plan {
     /// Run the navigator over the source, into the sink.
@@ -66,13 +68,17 @@ impl Plan {
             if self.is_before_start(&sample) {
                 continue;
             }
-            navigator.step(&sample, &mut tally)?;
+            if let Err(error) = navigator.step(&sample, &mut tally) {
+                tally.totals.unusable.push(&error);
+            }
             if let Some(error) = tally.sink().failure() {
                 return Err(error);
             }
         }
         let mut saved = None;
+        let scales;
         if save {
+            scales = self.scales(&navigator);
             saved = Some(SavedRun {
                 given: self.given.clone(),
                 config: config_text(&self.config),
@@ -95,13 +101,21 @@ impl Plan {
                 sink: tally.sink().state(),
             });
         } else {
-            navigator.finish(&mut tally)?;
+            match navigator.finish(&mut tally) {
+                // Nothing came out at all.
+                Err(error @ CoreError::NotStarted { .. }) => return Err(error.into()),
+                Err(error) => tally.totals.unusable.push(&error),
+                Ok(()) => {}
+            }
+            scales = self.scales(&navigator);
         }
         if let Some(error) = tally.sink().failure() {
             return Err(error);
         }
         let mut warnings = self.warnings.clone();
+        warnings.extend(tally.totals.unusable.warning());
         warnings.extend(findings(&tally));
+        warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));
         let report = RunReport {
             imu_samples: tally.totals.imu_samples,
             duration_s: tally.duration_s(),
@@ -127,6 +141,10 @@ impl Plan {
             alignment: tally.totals.alignment,
             stops: tally.stops(),
             aiding: tally.aiding(),
+            gnss_sigma_scale: scales[0],
+            gnss_velocity_sigma_scale: scales[1],
+            position_resets: tally.totals.resets.clone(),
+            unusable: tally.totals.unusable.count,
             withheld: tally.totals.withheld,
             last: tally.last(),
             wheels: self.wheels,
@@ -138,6 +156,23 @@ impl Plan {
             config: config_text(&self.config),
         };
         Ok((report, saved))
+    }
+
+    /// Factors on stated sigmas of position and velocity as the navigator uses them now.
+    fn scales(&self, navigator: &Navigator) -> [ScaleReport; 2] {
+        let report = |[horizontal, vertical]: [f64; 2], setting: SigmaScale| ScaleReport {
+            horizontal,
+            vertical,
+            learnt: setting == SigmaScale::Auto,
+        };
+        let gnss = &self.config.gnss;
+        [
+            report(navigator.gnss_sigma_scale(), gnss.sigma_scale),
+            report(
+                navigator.gnss_velocity_sigma_scale(),
+                gnss.velocity_sigma_scale,
+            ),
+        ]
     }
 }
 
@@ -208,19 +243,6 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
             ),
             "check the driver",
         );
-    }
-    for aid in tally.aiding() {
-        let all = aid.used + aid.inflated + aid.rejected;
-        if aid.rejected as f64 > MANY_REJECTED * all as f64 && all > 10 {
-            warn(
-                "many_rejected",
-                format!(
-                    "{} of {all} {} measurements were rejected",
-                    aid.rejected, aid.name
-                ),
-                "check lever arm and clocks with `insnav info`; too small stated sigmas are widened by gnss.sigma_scale",
-            );
-        }
     }
     if let Some(a) = tally
         .totals

@@ -11,6 +11,7 @@
 //! ```
 
 mod clocks;
+mod doubts;
 mod error;
 mod execute;
 mod known_start;
@@ -30,8 +31,8 @@ pub use known_start::KnownStart;
 pub use oddities::find;
 pub use plan::{Plan, RunOptions};
 pub use report::{
-    AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, RunReport, StopReport,
-    Warning,
+    AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, ResetReport, RunReport,
+    ScaleReport, StopReport, Warning,
 };
 pub use saved::{SavedRun, StateError};
 pub use source::{SolutionSink, Source, Stream};

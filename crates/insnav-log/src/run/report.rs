@@ -149,8 +149,40 @@ pub struct AidingReport {
     pub rejected: usize,
     /// Used with a widened covariance.
     pub inflated: usize,
-    /// Mean normalised innovation squared per component, of all: 1 when the stated noise is right.
+    /// Used after the filter was widened until they fitted: one for each time that it went over to refused measurements.
+    pub reset: usize,
+    /// Not used, being the position before once more while the body moved.
+    pub frozen: usize,
+    /// Mean normalised innovation squared per component of those that were used as they stood: 1 when the noise is right. With
+    /// the gate at 1e-4 it cannot exceed 4.2 by much; then many are refused.
     pub nis_mean: Option<f64>,
+}
+
+impl AidingReport {
+    /// All that were offered.
+    pub fn count(&self) -> usize {
+        self.used + self.rejected + self.inflated + self.reset + self.frozen
+    }
+}
+
+/// The filter went over to positions that it had refused.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ResetReport {
+    /// When, s.
+    pub time_s: f64,
+    /// How far, north, east, down, m.
+    pub offset_ned_m: [f64; 3],
+}
+
+/// Factors on the sigmas that a receiver states, at the end of the run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ScaleReport {
+    /// On north and east.
+    pub horizontal: f64,
+    /// On down.
+    pub vertical: f64,
+    /// Whether learnt from the residuals; else as set.
+    pub learnt: bool,
 }
 
 /// The last epoch.
@@ -231,6 +263,14 @@ pub struct RunReport {
     pub stops: Vec<StopReport>,
     /// Measurements.
     pub aiding: Vec<AidingReport>,
+    /// Factors on stated position sigmas.
+    pub gnss_sigma_scale: ScaleReport,
+    /// Factors on stated velocity sigmas.
+    pub gnss_velocity_sigma_scale: ScaleReport,
+    /// When the filter went over to positions that it had refused; the first hundred.
+    pub position_resets: Vec<ResetReport>,
+    /// Samples that could not be used for what was in them, the reason of the first with its time.
+    pub unusable: usize,
     /// Fixes withheld.
     pub withheld: usize,
     /// The end.

@@ -315,7 +315,7 @@ mod tests {
     #[test]
     fn the_differing_key_is_named() {
         let mut other = Config::default();
-        other.gnss.sigma_scale = 2.0;
+        other.gnss.sigma_scale = insnav_core::config::SigmaScale::Fixed(2.0);
         assert_eq!(
             first_difference(&config_text(&Config::default()), &config_text(&other)),
             ("gnss.sigma_scale".into(), "1.0".into(), "2.0".into())

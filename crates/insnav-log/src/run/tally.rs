@@ -1,6 +1,7 @@
 //! Watches a run on its way to the sink: counts measurements, adds up the way, notes headings at stops.
 
-use super::report::{AidingReport, AlignmentReport, FinalReport, StopReport};
+use super::doubts::Unusable;
+use super::report::{AidingReport, AlignmentReport, FinalReport, ResetReport, StopReport};
 use insnav_core::alignment::Alignment;
 use insnav_core::attitude::Euler;
 use insnav_core::filter::{Update, Verdict};
@@ -20,6 +21,8 @@ struct Aid {
     used: usize,
     rejected: usize,
     inflated: usize,
+    reset: usize,
+    frozen: usize,
     nis: f64,
     components: usize,
 }
@@ -34,6 +37,9 @@ pub(super) struct EventCounts {
     pub(super) not_finite: usize,
 }
 
+/// So many are told one by one.
+const MOST_RESETS: usize = 100;
+
 /// All that is counted: what a resumed run takes over.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Totals {
@@ -45,6 +51,8 @@ pub(super) struct Totals {
     pub(super) distance_m: f64,
     pub(super) alignment: Option<AlignmentReport>,
     pub(super) events: EventCounts,
+    pub(super) resets: Vec<ResetReport>,
+    pub(super) unusable: Unusable,
     pub(super) imu_samples: usize,
     pub(super) withheld: usize,
 }
@@ -103,6 +111,8 @@ impl<'a, S: Sink> Tally<'a, S> {
             used: a.used,
             rejected: a.rejected,
             inflated: a.inflated,
+            reset: a.reset,
+            frozen: a.frozen,
             nis_mean: (a.components > 0).then(|| a.nis / a.components as f64),
         };
         self.totals.aids.iter().map(report).collect()
@@ -172,12 +182,17 @@ impl<S: Sink> Sink for Tally<'_, S> {
             });
         let aid = &mut aids[at].1;
         aid.dof = aid.dof.max(update.dof);
-        aid.nis += update.nis;
-        aid.components += update.dof;
         match update.verdict {
-            Verdict::Accepted => aid.used += 1,
+            Verdict::Accepted => {
+                aid.used += 1;
+                // Of the others it is known that they do not fit.
+                aid.nis += update.nis;
+                aid.components += update.dof;
+            }
             Verdict::Inflated => aid.inflated += 1,
             Verdict::Rejected => aid.rejected += 1,
+            Verdict::Reset => aid.reset += 1,
+            Verdict::Frozen => aid.frozen += 1,
         }
         self.sink.update(update);
     }
@@ -196,6 +211,12 @@ impl<S: Sink> Sink for Tally<'_, S> {
             Event::TooLate { .. } => totals.events.too_late += 1,
             Event::DuplicateImu { .. } => totals.events.duplicates += 1,
             Event::NotFinite { .. } => totals.events.not_finite += 1,
+            Event::PositionReset { time, offset_n } if totals.resets.len() < MOST_RESETS => {
+                totals.resets.push(ResetReport {
+                    time_s: time.since(self.origin),
+                    offset_ned_m: (*offset_n).into(),
+                });
+            }
             _ => {}
         }
         self.sink.event(event);

@@ -26,10 +26,10 @@ impl Diagnostics {
     pub(super) fn count(&mut self, update: &Update) {
         match update.verdict {
             Verdict::Accepted => self.accepted += 1,
-            Verdict::Inflated => self.inflated += 1,
-            Verdict::Rejected => self.rejected += 1,
+            Verdict::Inflated | Verdict::Reset => self.inflated += 1,
+            Verdict::Rejected | Verdict::Frozen => self.rejected += 1,
         }
-        if update.verdict != Verdict::Rejected && update.measurement.starts_with("gnss") {
+        if update.verdict.is_used() && update.measurement.starts_with("gnss") {
             self.last_aided = Some(update.time);
         }
     }

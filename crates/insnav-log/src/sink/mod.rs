@@ -328,6 +328,8 @@ impl McapSink {
                 Verdict::Accepted => 0,
                 Verdict::Inflated => 1,
                 Verdict::Rejected => 2,
+                Verdict::Reset => 3,
+                Verdict::Frozen => 4,
             },
         };
         self.updates += 1;
