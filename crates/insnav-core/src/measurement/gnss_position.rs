@@ -80,6 +80,10 @@ const SLIGHT: f64 = 4.0;
 /// it comes from fixes that were believed too much.
 const GREW: f64 = 2.0;
 
+/// A fix without sigma, from a receiver that states sigmas, is not used for so long after one with a sigma, s: it is most often
+/// late, predicted or repeated, and the filter knows better.
+const VOUCHED_FOR: f64 = 5.0;
+
 /// When and how positions are used.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GnssPositionAid {
@@ -194,6 +198,13 @@ impl GnssPositionAid {
                 verdict: Verdict::Frozen,
                 ..update
             });
+        }
+        let vouched = self
+            .last
+            .is_some_and(|last| fix.time.since(last) < VOUCHED_FOR);
+        if vouched && self.is_doubtful(fix) {
+            let update = filter.update(&model, fix.time, &mut Gate::closed())?;
+            return Ok(update);
         }
         let mut update = filter.update(&model, fix.time, &mut self.gate)?;
         let residual = Vector3::from(update.residual);
