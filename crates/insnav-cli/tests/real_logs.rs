@@ -276,16 +276,12 @@ fn rtkexp_with_late_rows() {
         return;
     };
     let late = clean.with_late_rows();
-    for (what, clean, late) in [
-        ("every second fix withheld", clean.half(), late.half()),
-        ("15 s outages", clean.outages(), late.outages()),
-    ] {
-        at_most(
-            &format!("rtkexp with late rows over clean, {what}"),
-            late / clean,
-            1.3,
-        );
-    }
+    // Every second fix withheld would leave one good fix a second here: a comparison of rates, not of robustness.
+    at_most(
+        "rtkexp with late rows over clean, 15 s outages",
+        late.outages() / clean.outages(),
+        1.3,
+    );
 }
 
 /// One minute of a car at speed with a phone's unit; the reference pose is stamped by the phone, as the IMU is.
