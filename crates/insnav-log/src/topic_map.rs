@@ -1,30 +1,6 @@
 //! A user's map of a message: which of its fields is which quantity, in which unit and axes.
 //!
 //! For messages of types that are not known here, in any encoding that carries names: JSON, or ROS with its definition.
-//!
-//! ```toml
-//! [[map]]
-//! topic = "/vehicle/state"
-//! time_s = "stamp_us * 1e-6"                 # or a field {sec, nanosec}; absent: the log time
-//! clock = "host"                             # own: the sensor's, as since its power-on
-//! angular_rate_rad_per_s = ["gyro.x / 57.29577951308232", "gyro.y / 57.29577951308232", "gyro.z / 57.29577951308232"]
-//! specific_force_m_per_s2 = ["acc.0 * 9.80665", "acc.1 * 9.80665", "acc.2 * 9.80665"]
-//! imu_axes = "frd"                           # or flu, the default
-//! latitude_deg = "gps.lat * 1e-7"
-//! longitude_deg = "gps.lon * 1e-7"
-//! height_m = "gps.alt_mm * 0.001"
-//! position_sigma_m = ["gps.h_acc", "gps.h_acc", "gps.v_acc"]
-//! velocity_m_per_s = ["gps.vn", "gps.ve", "gps.vd"]
-//! velocity_sigma_m_per_s = ["gps.s_acc", "gps.s_acc", "gps.s_acc"]
-//! gnss_axes = "ned"                          # or enu, the default: of velocity and of both sigmas
-//! fix = "gps.fix_type"                       # no fix where it is below fix_from
-//! fix_from = 3
-//! heading_deg = "gps.heading"
-//! heading_sigma_deg = "gps.heading_acc"
-//! ```
-//!
-//! A path leads through messages and lists (`gyro.x`, `acc.0`); a minus before it, and one `* number` or `/ number` behind it,
-//! change sign and unit. A map may name the quantities of one sensor or of several.
 
 use crate::content::{Axes, Content, Fix, NorthHeading, Rates, Stamp, Velocity};
 use crate::topics::Role;
@@ -35,7 +11,31 @@ use serde::Deserialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// Which fields of a topic's messages are which quantities. See the example in the documentation of `[[map]]`.
+/// Which fields of a topic's messages are which quantities: `[[map]]` in a file of settings.
+///
+/// ```toml
+/// [[map]]
+/// topic = "/vehicle/state"
+/// time_s = "stamp_us * 1e-6"                 # or a field {sec, nanosec}; absent: the log time
+/// clock = "host"                             # own: the sensor's, as since its power-on
+/// angular_rate_rad_per_s = ["gyro.x / 57.29577951308232", "gyro.y / 57.29577951308232", "gyro.z / 57.29577951308232"]
+/// specific_force_m_per_s2 = ["acc.0 * 9.80665", "acc.1 * 9.80665", "acc.2 * 9.80665"]
+/// imu_axes = "frd"                           # or flu, the default
+/// latitude_deg = "gps.lat * 1e-7"
+/// longitude_deg = "gps.lon * 1e-7"
+/// height_m = "gps.alt_mm * 0.001"
+/// position_sigma_m = ["gps.h_acc", "gps.h_acc", "gps.v_acc"]
+/// velocity_m_per_s = ["gps.vn", "gps.ve", "gps.vd"]
+/// velocity_sigma_m_per_s = ["gps.s_acc", "gps.s_acc", "gps.s_acc"]
+/// gnss_axes = "ned"                          # or enu, the default: of velocity and of both sigmas
+/// fix = "gps.fix_type"                       # no fix where it is below fix_from
+/// fix_from = 3
+/// heading_deg = "gps.heading"
+/// heading_sigma_deg = "gps.heading_acc"
+/// ```
+///
+/// A path leads through messages and lists (`gyro.x`, `acc.0`); a minus before it, and one `* number` or `/ number` behind it,
+/// change sign and unit. A map may name the quantities of one sensor or of several.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TopicMap {

@@ -1,6 +1,6 @@
 //! `ublox_msgs/NavPVT` and `NavRELPOSNED9`: u-blox' own messages, integers in millimetres and fractions of degrees.
 //!
-//! [u-blox F9 HPG 1.32 interface description], UBX-NAV-PVT and UBX-NAV-RELPOSNED.
+//! \[UBX-F9\], UBX-NAV-PVT and UBX-NAV-RELPOSNED.
 
 use super::from_sigmas;
 use crate::content::{Content, Fix, NorthHeading, Stamp, Velocity};

@@ -1,4 +1,4 @@
-//! JSON ([RFC8259]), and the NaN and Infinity that Python and others write all the same.
+//! JSON (\[RFC8259\]), and the NaN and Infinity that Python and others write all the same.
 //!
 //! A reader of our own: numbers are rounded correctly to the last bit, which the common fast parsers do not do, and the
 //! tree's memory is kept, so that a log of a million messages allocates nothing.

@@ -1,4 +1,4 @@
-//! Protobuf ([Protobuf] encoding): fields by number, of which one message type is known here.
+//! Protobuf (\[Protobuf\]): fields by number, of which one message type is known here.
 //!
 //! `foxglove.LocationFix` has kept its numbers since it was published; where the log has the type's descriptor, they are
 //! checked against it.
