@@ -21,7 +21,7 @@ pub enum ExportFormat {
     Tum,
     /// The track on the ground, for Google Earth and the like: five points a second.
     Kml,
-    /// The track with ellipsoidal heights ([RFC7946]): five points a second.
+    /// The track with ellipsoidal heights (\[RFC7946\]): five points a second.
     Geojson,
 }
 
@@ -177,7 +177,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Add a point to the track; lines end at the antimeridian, where [RFC7946] 3.1.9 wants them cut.
+    /// Add a point to the track; lines end at the antimeridian, where \[RFC7946\] 3.1.9 wants them cut.
     fn point(&mut self, out: &mut dyn Write, point: [f64; 3]) -> io::Result<()> {
         if let Some(last) = self.last {
             if (point[0] - last[0]).abs() > 180.0 {

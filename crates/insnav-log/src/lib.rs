@@ -38,6 +38,7 @@ mod samples;
 mod scenario_file;
 mod sink;
 mod solution;
+mod stamps;
 mod stats;
 mod topic_map;
 pub mod topics;

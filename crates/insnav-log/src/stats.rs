@@ -5,6 +5,7 @@ use crate::error::LogError;
 use crate::findings::step_of;
 use crate::log::{Log, TimeSource};
 use crate::samples::{Unusable, gnss_position};
+use crate::stamps::Stamps;
 use crate::wire::DecodeError;
 use insnav_core::time::Time;
 
@@ -94,7 +95,7 @@ struct Collected {
     reader: Option<MessageReader>,
     /// What is added to stamps on the sensor's own clock, ns.
     clock_shift: i64,
-    times: Vec<i64>,
+    stamps: Stamps,
     offset_sum: f64,
     offset_min: f64,
     offset_max: f64,
@@ -152,13 +153,13 @@ impl Collected {
     fn add(&mut self, data: &[u8], log_time: Time, used: Option<Time>) -> Result<(), DecodeError> {
         let without_stamp = used.unwrap_or(log_time);
         let Some(reader) = &mut self.reader else {
-            self.times.push(without_stamp.0);
+            self.stamps.push(without_stamp.0);
             return Ok(());
         };
         let content = match reader.content(data) {
             Ok(content) => content,
             Err(error) => {
-                self.times.push(without_stamp.0);
+                self.stamps.push(without_stamp.0);
                 return Err(error);
             }
         };
@@ -171,7 +172,7 @@ impl Collected {
             None if stamp.0 == 0 => log_time,
             None => stamp,
         };
-        self.times.push(time.0);
+        self.stamps.push(time.0);
         if stamp.0 == 0 {
             self.statistics.unstamped += 1;
         } else {
@@ -197,10 +198,11 @@ impl Collected {
 
     fn finish(self) -> TopicStatistics {
         let mut statistics = self.statistics;
-        let times = &self.times;
-        statistics.count = times.len() as u64;
-        statistics.first = times.iter().min().copied().map(Time);
-        statistics.last = times.iter().max().copied().map(Time);
+        let stamps = &self.stamps;
+        statistics.count = stamps.len() as u64;
+        if let Some((first, last)) = stamps.span() {
+            (statistics.first, statistics.last) = (Some(Time(first)), Some(Time(last)));
+        }
         if self.offsets > 0 {
             let mean = self.offset_sum / self.offsets as f64;
             let mut levels: Vec<f64> = self.levels.iter().map(|l| l.1).collect();
@@ -219,43 +221,39 @@ impl Collected {
                 max: self.offset_max,
             });
         }
-        let steps = || {
-            times
-                .windows(2)
-                .map(|pair| (pair[1].saturating_sub(pair[0]), pair))
+        let count = |counted: fn(i64) -> bool| {
+            let steps = stamps.steps().filter(|(step, _)| counted(*step));
+            steps.count() as u64
         };
-        statistics.duplicates = steps().filter(|(step, _)| *step == 0).count() as u64;
-        statistics.backward_steps = steps().filter(|(step, _)| *step < 0).count() as u64;
-        let mut forward: Vec<i64> = steps()
-            .map(|(step, _)| step)
-            .filter(|step| *step > 0)
-            .collect();
-        forward.sort_unstable();
-        let Some(&median) = forward.get(forward.len() / 2) else {
+        statistics.duplicates = count(|step| step == 0);
+        statistics.backward_steps = count(|step| step < 0);
+        let forward = stamps.forward();
+        let Some(median) = forward.median() else {
             return statistics;
         };
         let median_s = median as f64 * 1e-9;
         let longest_regular = (median as f64 * GAP_FACTOR) as i64;
-        statistics.gaps = steps()
+        statistics.gaps = stamps
+            .steps()
             .filter(|(step, _)| *step > longest_regular)
             .map(|(_, pair)| (Time(pair[0]), Time(pair[1])))
             .collect();
-        let regular = &forward[..forward.partition_point(|step| *step <= longest_regular)];
-        let count = regular.len() as f64;
-        let mean = regular.iter().map(|step| *step as f64 * 1e-9).sum::<f64>() / count;
-        let variance = regular
-            .iter()
-            .map(|step| (*step as f64 * 1e-9 - mean).powi(2))
-            .sum::<f64>()
-            / count;
-        statistics.missing = steps()
+        let regular = || {
+            let steps = forward.iter().take_while(|step| *step <= longest_regular);
+            steps.map(|step| step as f64 * 1e-9)
+        };
+        let count = regular().count() as f64;
+        let mean = regular().sum::<f64>() / count;
+        let variance = regular().map(|step| (step - mean).powi(2)).sum::<f64>() / count;
+        statistics.missing = stamps
+            .steps()
             .map(|(step, _)| step as f64 / median as f64)
             .filter(|steps| (1.6..=GAP_FACTOR).contains(steps))
             .map(|steps| steps.round() as u64 - 1)
             .sum();
         statistics.rate_hz = Some(1.0 / median_s);
         statistics.interval_median_s = Some(median_s);
-        statistics.interval_max_s = forward.last().map(|step| *step as f64 * 1e-9);
+        statistics.interval_max_s = forward.longest().map(|step| step as f64 * 1e-9);
         statistics.jitter_s = Some(variance.sqrt());
         statistics
     }
@@ -305,6 +303,14 @@ fn drift_of(levels: &[(Time, f64)]) -> Option<ClockDrift> {
 mod tests {
     use super::*;
 
+    fn collected(stamps: impl IntoIterator<Item = i64>) -> TopicStatistics {
+        let mut collected = Collected::default();
+        for stamp in stamps {
+            collected.stamps.push(stamp);
+        }
+        collected.finish()
+    }
+
     #[test]
     fn gaps_duplicates_and_backward_steps_are_told_apart() {
         let ms = 1_000_000;
@@ -313,11 +319,7 @@ mod tests {
         times.push(times[99] - 5 * ms); // a step back
         times.push(times[99] + 10 * ms);
         times.push(times[99] + 310 * ms); // a gap of 300 ms
-        let statistics = Collected {
-            times,
-            ..Collected::default()
-        }
-        .finish();
+        let statistics = collected(times);
         assert_eq!(
             (
                 statistics.count,
@@ -337,11 +339,7 @@ mod tests {
 
     #[test]
     fn a_topic_without_two_messages_has_no_rate() {
-        let statistics = Collected {
-            times: vec![5],
-            ..Collected::default()
-        }
-        .finish();
+        let statistics = collected([5]);
         assert_eq!(
             (statistics.count, statistics.rate_hz, statistics.first),
             (1, None, Some(Time(5)))

@@ -1,10 +1,10 @@
-//! MCAP records: an opcode, a length, a body ([MCAP] "Records").
+//! MCAP records: an opcode, a length, a body (\[MCAP\] "Records").
 
 use std::collections::BTreeMap;
 
 pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
-/// Opcodes of the records that matter here ([MCAP] "Opcodes").
+/// Opcodes of the records that matter here (\[MCAP\] "Opcodes").
 pub(crate) mod opcode {
     pub(crate) const HEADER: u8 = 0x01;
     pub(crate) const FOOTER: u8 = 0x02;

@@ -3,7 +3,7 @@
 use super::records::{Fields, MessageRecord, Record, opcode};
 use std::collections::BTreeMap;
 
-/// A record of an MCAP file ([MCAP] "Records"). Times are nanoseconds, offsets and lengths bytes.
+/// A record of an MCAP file (\[MCAP\] "Records"). Times are nanoseconds, offsets and lengths bytes.
 ///
 /// Fields beyond those of the specification's version 0 are skipped, as it asks for.
 #[derive(Clone, Debug, PartialEq)]
