@@ -311,9 +311,11 @@ fn a_vehicle_that_follows_its_nose_has_no_residual() {
 #[test]
 fn colour_states_take_the_place_of_the_weight_for_dependence() {
     use insnav::config::ColourConfig;
+    // A fix that is used: one that is refused takes no weight from the next.
+    let at = random_nominal(&mut Source::new(1, Stream::Initial));
     let fix = |t: f64| GnssPosition {
         time: Time::from_seconds(t),
-        position: Geodetic::from_degrees(50.0, 14.0, 200.0),
+        position: at.nav.position,
         covariance_n: Some(Matrix3::identity()),
     };
     let variance = |colour| {
@@ -322,7 +324,6 @@ fn colour_states_take_the_place_of_the_weight_for_dependence() {
             ..GnssConfig::default()
         };
         let mut aid = GnssPositionAid::new(&config);
-        let at = random_nominal(&mut Source::new(1, Stream::Initial));
         let mut filter = open_filter(&at);
         aid.observe(&fix(0.0), None, &mut filter).unwrap();
         let model = aid.model(&fix(0.1), false);
