@@ -318,7 +318,7 @@ mod tests {
         other.gnss.sigma_scale = insnav_core::config::SigmaScale::Fixed(2.0);
         assert_eq!(
             first_difference(&config_text(&Config::default()), &config_text(&other)),
-            ("gnss.sigma_scale".into(), "1.0".into(), "2.0".into())
+            ("gnss.sigma_scale".into(), "\"auto\"".into(), "2.0".into())
         );
     }
 
