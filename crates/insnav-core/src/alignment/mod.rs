@@ -2,6 +2,7 @@
 
 #[cfg(feature = "std")]
 mod course;
+#[cfg(feature = "std")]
 mod first_fix;
 #[cfg(feature = "std")]
 mod levelling;

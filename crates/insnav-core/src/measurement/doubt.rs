@@ -1,8 +1,6 @@
 //! Measurements that the gate refuses, taken together: who is wrong, they or the filter?
 
 use crate::time::Time;
-#[cfg(not(feature = "std"))]
-use nalgebra::ComplexField;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 

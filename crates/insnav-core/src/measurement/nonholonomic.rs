@@ -9,8 +9,6 @@ use crate::filter::{
     Update, VELOCITY,
 };
 use crate::time::Time;
-#[cfg(not(feature = "std"))]
-use nalgebra::ComplexField;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 

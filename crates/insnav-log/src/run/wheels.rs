@@ -55,9 +55,10 @@ pub(super) fn decide(config: &mut Config, report: Option<&WheelReport>) -> Vec<W
         .collect()
 }
 
-/// The slope that the fixes describe contradicts gravity, and turned round it agrees.
+/// The slope that the fixes describe contradicts gravity, and turned round it contradicts it half as much (variances): what
+/// only floats or is lifted contradicts it either way.
 fn heights_are_upside_down(r: &WheelReport) -> bool {
-    !r.vertical && 2.0 * r.dip_std_upside_down_deg < r.dip_std_deg
+    !r.vertical && 2.0 * r.dip_std_upside_down_deg.powi(2) < r.dip_std_deg.powi(2)
 }
 
 fn upside_down(r: &WheelReport) -> Warning {
