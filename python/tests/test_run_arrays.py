@@ -79,12 +79,14 @@ def test_sigmas_of_the_position_are_honest(truth: Drive) -> None:
     # 8 runs x 4 instants x 3 axes = 96 degrees of freedom: the mean is 1 ± sqrt(2 / 96); four of those.
     assert abs(nees(matched, truth) - 1) < 4 * np.sqrt(2 / 96)
     # Negative control: a receiver three times worse than it says.
+    believing = {**CONFIG, "gnss": {**CONFIG["gnss"], "sigma_scale": 1.0}}
     overconfident = []
     for k in seeds:
         arrays = noisy(truth, k, position_sigma_m=0.06)
         stamps, positions, sigma = arrays["gnss_position"]
         arrays["gnss_position"] = (stamps, positions, sigma / 3)
-        overconfident.append(insnav.run(arrays, CONFIG))
+        with pytest.warns(insnav.InsnavWarning, match="positions scatter"):
+            overconfident.append(insnav.run(arrays, believing))
     assert nees(overconfident, truth) > 1 + 4 * np.sqrt(2 / 96)
 
 

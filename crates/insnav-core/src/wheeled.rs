@@ -55,6 +55,8 @@ struct Block {
 /// How far a solution moves where its body points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WheelReport {
+    /// Stretches of ten seconds that were looked at.
+    pub blocks: usize,
     /// Standard deviation of the direction of motion against the body, sideways, degrees.
     pub side_std_deg: f64,
     /// Likewise up and down.
@@ -83,6 +85,7 @@ impl WheelWatch {
         let own = of(|a| a.side_variance);
         let own_side = (own.iter().sum::<f64>() / own.len() as f64).sqrt();
         Some(WheelReport {
+            blocks: self.blocks.len(),
             side_std_deg: side_std.to_degrees(),
             dip_std_deg: dip_std.to_degrees(),
             slope_std_deg: slope_std.to_degrees(),

@@ -407,7 +407,9 @@ impl Log {
         /// Enough for a message without a queue before it.
         const LOOKED_AT: usize = 2000;
         const DELAY_NS: i64 = 500_000_000;
-        let mut least: BTreeMap<usize, i64> = BTreeMap::new();
+        /// A stamp that is off from the others by more is wrong, and no message with little delay.
+        const SPREAD_NS: i64 = 1_000_000_000;
+        let mut differences: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
         let clock_of = |topic: usize| match self.topics[topic].kind {
             // One clock for all: that of the first of them.
             Some(MessageKind::SensorCombined | MessageKind::SensorGps) => self
@@ -447,11 +449,24 @@ impl Log {
                     && let Stamp::Own(stamp) = content.stamp
                 {
                     let difference = message.log_time.0.saturating_sub(stamp.0);
-                    let least = least.entry(clock_of(topic)).or_insert(difference);
-                    *least = (*least).min(difference);
+                    differences
+                        .entry(clock_of(topic))
+                        .or_default()
+                        .push(difference);
                 }
             }
         }
+        let least: BTreeMap<usize, i64> = differences
+            .into_iter()
+            .filter_map(|(clock, mut all)| {
+                let middle = all.len() / 2;
+                let median = *all.select_nth_unstable(middle).1;
+                let believed = all
+                    .into_iter()
+                    .filter(|d| median.saturating_sub(*d) < SPREAD_NS);
+                Some((clock, believed.min()?))
+            })
+            .collect();
         Ok(topics
             .into_iter()
             .filter_map(|topic| Some((topic, *least.get(&clock_of(topic))?)))

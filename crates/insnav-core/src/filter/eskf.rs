@@ -157,6 +157,15 @@ impl Eskf {
         &self.processes
     }
 
+    /// Scale factors of gyros and accelerometers that are known beforehand.
+    pub(crate) fn set_scale(&mut self, gyro: Vector3<f64>, accel: Vector3<f64>) {
+        let errors = &mut self.nominal.imu_errors;
+        // A known start may bring its own.
+        if !errors.has_scale() {
+            (errors.gyro_scale, errors.accel_scale) = (gyro, accel);
+        }
+    }
+
     /// The optional blocks that are open: name and unit, estimates and standard deviations, as many as the block has states.
     pub fn optional_states(&self) -> impl Iterator<Item = (BlockInfo, [f64; 3], [f64; 3])> + '_ {
         let layout = self.covariance.layout();

@@ -28,14 +28,6 @@ impl Default for Gate {
 }
 
 impl Gate {
-    /// A gate without a way back, for what is true most of the time only: it never pulls a filter anywhere.
-    pub fn firm() -> Self {
-        Gate {
-            patience: u32::MAX,
-            ..Gate::default()
-        }
-    }
-
     /// The verdict on a NIS with `dof` degrees of freedom (1 to 3); remembers it.
     pub fn judge(&mut self, nis: f64, dof: usize) -> Verdict {
         if nis <= self.limit[dof - 1] {
@@ -67,7 +59,8 @@ impl Gate {
         }
     }
 
-    /// A gate that never widens by itself: its owner decides what to do about a run of refusals.
+    /// A gate that never widens by itself: for what is true most of the time only, or where the owner decides what to do about
+    /// a run of refusals.
     pub fn strict() -> Self {
         Gate {
             patience: u32::MAX,

@@ -13,6 +13,7 @@ use crate::filter::{
     Nominal, POSITION, Update, VELOCITY, Verdict,
 };
 use crate::sample::GnssPosition;
+use crate::stationary::Heard;
 use crate::time::Time;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -96,8 +97,9 @@ pub struct GnssPositionAid {
     last: Option<Time>,
     /// What the receiver said of its last fix, m².
     stated: Option<Matrix3<f64>>,
-    /// Whether the receiver states sigmas.
-    states: bool,
+    /// Fixes that stated a sigma, and those that did not.
+    with_sigma: u32,
+    without_sigma: u32,
     /// Whether the receiver gave a velocity lately.
     velocity_heard: bool,
     gate: Gate,
@@ -125,7 +127,8 @@ impl GnssPositionAid {
             },
             last: None,
             stated: None,
-            states: false,
+            with_sigma: 0,
+            without_sigma: 0,
             velocity_heard: false,
             gate: Gate::strict(),
             doubt: Doubt::default(),
@@ -174,7 +177,7 @@ impl GnssPositionAid {
         unseen + self.doubt.covariance()
     }
 
-    /// Offer a fix to the filter. `gnss_speed` is the horizontal speed by the receiver, m/s, if it gave one lately.
+    /// Offer a fix to the filter. `heard` is the receiver's own velocity, if it gave one lately.
     ///
     /// Refused fixes vote: when enough of them agree with each other, the filter is widened until they fit; when they scatter,
     /// their noise is raised. A position that is repeated while the body moves has no vote.
@@ -184,14 +187,21 @@ impl GnssPositionAid {
     pub fn observe(
         &mut self,
         fix: &GnssPosition,
-        gnss_speed: Option<f64>,
+        heard: Option<Heard>,
         filter: &mut Eskf,
     ) -> Result<Update> {
-        let velocity_heard = gnss_speed.is_some();
-        self.states |= fix.covariance_n.is_some();
+        // A position that corrects the position alone leaves all three components of the velocity to the receiver's own.
+        let velocity_heard = heard.is_some_and(|heard| heard.vertical);
+        let count = match fix.covariance_n {
+            Some(_) => &mut self.with_sigma,
+            None => &mut self.without_sigma,
+        };
+        *count = count.saturating_add(1);
         let model = self.model(fix, velocity_heard);
         self.velocity_heard = velocity_heard;
-        let repetition = self.frozen.judge(fix, &moving(filter, gnss_speed));
+        let repetition = self
+            .frozen
+            .judge(fix, &moving(filter, heard.map(|heard| heard.speed)));
         if repetition == Repetition::Frozen {
             let update = filter.update(&model, fix.time, &mut Gate::closed())?;
             return Ok(Update {
@@ -252,9 +262,17 @@ impl GnssPositionAid {
         Ok(update)
     }
 
-    /// Whether a receiver that states sigmas states none for this fix: what the others teach does not hold for it.
+    /// Forget what belonged to a filter that is no more; what was learnt of the receiver stays.
+    #[cfg(feature = "std")]
+    pub(crate) fn start_afresh(&mut self) {
+        self.last = None;
+        self.doubt = Doubt::default();
+        self.frozen = Frozen::default();
+    }
+
+    /// Whether a receiver that mostly states sigmas states none for this fix: what the others teach does not hold for it.
     fn is_doubtful(&self, fix: &GnssPosition) -> bool {
-        self.states && fix.covariance_n.is_none()
+        self.with_sigma > self.without_sigma && fix.covariance_n.is_none()
     }
 
     /// Whether a residual is within what the receiver itself states, where less has been learnt: its slow error has moved.

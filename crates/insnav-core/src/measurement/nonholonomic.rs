@@ -116,7 +116,7 @@ impl NonholonomicAid {
             sigma: config.nonholonomic_sigma_m_per_s,
             lateral_only: config.nonholonomic == Nonholonomic::Lateral,
             last: None,
-            gate: Gate::firm(),
+            gate: Gate::strict(),
         }
     }
 

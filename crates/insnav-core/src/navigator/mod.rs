@@ -350,8 +350,8 @@ impl Navigator {
             }
             let outcome = match &aid {
                 Sample::GnssPosition(fix) => {
-                    let speed = self.speed.speed_at(fix.time);
-                    self.position.observe(fix, speed, filter)
+                    let heard = self.speed.heard_at(fix.time);
+                    self.position.observe(fix, heard, filter)
                 }
                 Sample::GnssVelocity(fix) => {
                     self.speed.observe(fix);
@@ -406,6 +406,7 @@ impl Navigator {
         if let Stage::Running(filter) = &self.stage {
             self.optional.keep(filter);
         }
+        self.position.start_afresh();
         let mut startup = self.afresh.clone();
         while let Some(sample) = self.horizon.pop() {
             startup.push(sample);

@@ -6,7 +6,6 @@ use crate::filter::{
     ACCEL_SCALE, AXLE, Block, CLOCK_OFFSET, Calibration, Eskf, GNSS_COLOUR, GYRO_SCALE, LEVER_ARM,
     MOUNTING, Process,
 };
-#[cfg(feature = "std")]
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +21,8 @@ pub(super) struct OptionalStates {
     clock_offset: Option<Process>,
     /// What a start after a long gap begins with.
     found: Calibration,
+    gyro_scale_found: Vector3<f64>,
+    accel_scale_found: Vector3<f64>,
 }
 
 impl OptionalStates {
@@ -42,12 +43,15 @@ impl OptionalStates {
                 .then(|| Process::constant(vehicle.axle_sigma_m)),
             clock_offset: config.gnss.time_offset_sigma_s.map(Process::constant),
             found: Calibration::default(),
+            gyro_scale_found: Vector3::zeros(),
+            accel_scale_found: Vector3::zeros(),
         }
     }
 
     /// Open them in a filter that begins.
     pub(super) fn open(&self, filter: &mut Eskf) -> Result<()> {
         filter.set_calibration(self.found);
+        filter.set_scale(self.gyro_scale_found, self.accel_scale_found);
         fn open<const N: usize>(
             filter: &mut Eskf,
             block: Block<N>,
@@ -71,5 +75,7 @@ impl OptionalStates {
             gnss_colour_n: Vector3::zeros(),
             ..filter.nominal().calibration
         };
+        let errors = &filter.nominal().imu_errors;
+        (self.gyro_scale_found, self.accel_scale_found) = (errors.gyro_scale, errors.accel_scale);
     }
 }

@@ -19,15 +19,24 @@ const SPEAKS_FOR: f64 = 2.0;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GnssSpeed {
     motion: Motion,
-    speed: f64,
+    heard: Heard,
     last: Option<Time>,
+}
+
+/// What a receiver's velocity says at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Heard {
+    /// Horizontal speed, m/s.
+    pub speed: f64,
+    /// Whether there is a vertical velocity too.
+    pub vertical: bool,
 }
 
 impl Default for GnssSpeed {
     fn default() -> Self {
         GnssSpeed {
             motion: Motion::Moving,
-            speed: 0.0,
+            heard: Heard::default(),
             last: None,
         }
     }
@@ -42,14 +51,17 @@ impl GnssSpeed {
             Motion::Moving => Motion::Stationary { since: fix.time },
             standing => standing,
         };
-        self.speed = speed;
+        self.heard = Heard {
+            speed,
+            vertical: fix.velocity_n.z.is_finite(),
+        };
         self.last = Some(fix.time);
     }
 
-    /// Horizontal speed of the last velocity, m/s, while it is not too old.
-    pub fn speed_at(&self, now: Time) -> Option<f64> {
+    /// The last velocity, while it is not too old.
+    pub fn heard_at(&self, now: Time) -> Option<Heard> {
         let last = self.last?;
-        (now.since(last) <= SPEAKS_FOR).then_some(self.speed)
+        (now.since(last) <= SPEAKS_FOR).then_some(self.heard)
     }
 
     /// What the last velocity said, while it is not too old.

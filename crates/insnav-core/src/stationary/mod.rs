@@ -2,4 +2,4 @@
 
 mod gnss_speed;
 
-pub use gnss_speed::{GnssSpeed, STANDING_SPEED};
+pub use gnss_speed::{GnssSpeed, Heard, STANDING_SPEED};

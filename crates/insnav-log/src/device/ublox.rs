@@ -3,9 +3,10 @@
 //! \[UBX-F9\], UBX-NAV-PVT and UBX-NAV-RELPOSNED.
 
 use super::from_sigmas;
+use crate::calendar;
 use crate::content::{Content, Fix, NorthHeading, Stamp, Velocity};
 use crate::ros2::Header;
-use crate::wire::{DecodeError, Fields, Wire, days_from_civil};
+use crate::wire::{DecodeError, Fields, Wire};
 use insnav_core::time::Time;
 use nalgebra::Vector3;
 
@@ -59,11 +60,27 @@ fn utc(fields: &mut Fields<'_>) -> Result<Option<Time>, DecodeError> {
     if i64::from(fields.u8("valid")?) & UTC_VALID != UTC_VALID {
         return Ok(None);
     }
+    // Bytes of rubbish may say any number: a date that does not exist is none.
     let mut number = |name: &'static str| Ok(fields.f64(name)? as i64);
-    let days = days_from_civil(number("year")?, number("month")?, number("day")?);
-    let seconds = days * 86_400 + number("hour")? * 3600 + number("min")? * 60 + number("sec")?;
+    let (year, month, day) = (number("year")?, number("month")?, number("day")?);
+    let seconds = [
+        (number("hour")?, 3600),
+        (number("min")?, 60),
+        (number("sec")?, 1),
+    ]
+    .iter()
+    .try_fold(0, |sum: i64, &(value, unit)| {
+        (0..=60).contains(&value).then_some(sum + value * unit)
+    });
     // The fraction may be negative: the second is rounded.
-    Ok(Some(Time(seconds * 1_000_000_000 + number("nano")?)))
+    let nano = number("nano")?.clamp(-1_000_000_000, 1_000_000_000);
+    let day = match (u32::try_from(month), u32::try_from(day)) {
+        (Ok(month), Ok(day)) => calendar::day_of(year, month, day),
+        _ => None,
+    };
+    Ok(day
+        .zip(seconds)
+        .and_then(|(day, seconds)| calendar::at(day, seconds * 1_000_000_000 + nano)))
 }
 
 /// Bits of `flags`: the relative position is valid, its heading is.

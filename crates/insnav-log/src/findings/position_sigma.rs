@@ -24,6 +24,7 @@ const FEWEST_SPANS: usize = 3;
 
 pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     let stated = stated(facts)?;
+    let learns = facts.config.gnss.sigma_scale.fixed().is_none();
     if let Some(scatter) = scatter(facts).filter(|s| *s > TOO_SMALL * stated) {
         let scale = facts.config.gnss.sigma_scale.fixed().unwrap_or(1.0) * scatter / stated;
         return Some(
@@ -34,7 +35,11 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
                     "positions scatter by {scatter:.2} m from fix to fix even where they are quietest, and state {stated:.3} m (middle, \
                      horizontal, as the run takes it)"
                 ),
-                "the filter would trust them far too much: its sigmas would be too small, and good fixes rejected",
+                if learns {
+                    "a run has to learn the factor first: until then it trusts them far too much"
+                } else {
+                    "the filter would trust them far too much: its sigmas would be too small, and good fixes rejected"
+                },
             )
             .flag(format!("--set gnss.sigma_scale={}", two_digits(scale))),
         );
@@ -50,7 +55,11 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
                 "positions wander by {wander:.2} m a minute against the receiver's own velocity, and state {stated:.2} m (middle, \
                  horizontal, as the run takes it); an error that stays for longer would not show"
             ),
-            "the solution would be drawn to the positions too little, and its sigmas be too large",
+            if learns {
+                "a run learns what residuals show, and keeps the rest in its sigmas; with a factor they are smaller on your word"
+            } else {
+                "the solution would be drawn to the positions too little, and its sigmas be too large"
+            },
         )
         .flag(format!("--set gnss.sigma_scale={}", two_digits(scale))),
     )

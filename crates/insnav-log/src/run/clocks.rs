@@ -26,6 +26,8 @@ pub struct Clocks {
     pub lag_found: Option<Estimate>,
 }
 
+/// An offset of fewer sigmas may be none.
+const CHANCE: f64 = 2.0;
 /// Without being asked for, offsets are looked for in this much of the log only, s of samples at the IMU's rate.
 const GLANCE_S: f64 = 1200.0;
 
@@ -36,10 +38,11 @@ pub(super) fn find_clocks(
     thorough: bool,
 ) -> Result<Clocks, RunError> {
     let withholding = plan.withholding();
+    let begin = plan.survey.imu_span.map(|(first, _)| first);
     let mut samples: Vec<Sample> = Vec::new();
     for sample in source.samples()? {
         let sample = sample?;
-        if !thorough && sample.time().since(plan.origin) > GLANCE_S {
+        if !thorough && begin.is_some_and(|begin| sample.time().since(begin) > GLANCE_S) {
             break;
         }
         // A withheld fix must not tell the clock either.
@@ -75,10 +78,20 @@ pub(super) fn find_clocks(
 }
 
 impl Clocks {
-    /// Put what was found into the settings.
+    /// Put what was found into the settings; what may be chance leaves them as they are.
     pub(super) fn use_what_was_found(&mut self, config: &mut Config) {
-        self.offset_used = self.offset_found.take();
-        self.lag_used = self.lag_found.take();
+        let gnss = &config.gnss;
+        let beyond_chance = |found: Option<Estimate>, set: f64| {
+            found.map(|found| match found.sigma {
+                Some(sigma) if (found.value - set).abs() < CHANCE * sigma => Estimate {
+                    value: set,
+                    ..found
+                },
+                _ => found,
+            })
+        };
+        self.offset_used = beyond_chance(self.offset_found.take(), gnss.time_offset_s);
+        self.lag_used = beyond_chance(self.lag_found.take(), gnss.velocity_lag_s);
         if let Some(offset) = self.offset_used {
             config.gnss.time_offset_s = offset.value;
         }

@@ -11,6 +11,9 @@ use insnav_core::wheeled::{WheelReport, WheelWatch};
 /// So much of a log is looked at, s of samples: quarter of an hour has enough straight road.
 const GLANCE_S: f64 = 900.0;
 
+/// So many stretches of ten seconds make a contradiction of slopes more than chance.
+const MANY_BLOCKS: usize = 15;
+
 /// Navigate the begin of a log without the constraint, and look where the vehicle moves against its body.
 ///
 /// A run that fails shows nothing; the real one will say why.
@@ -20,12 +23,13 @@ pub(super) fn watch(
 ) -> Result<Option<WheelReport>, RunError> {
     let lag = plan.config.gnss.velocity_lag_s;
     let withholding = plan.withholding();
+    let begin = plan.survey.imu_span.map(|(first, _)| first);
     // What is still to be decided, the navigator leaves out.
     let mut navigator = plan.navigator()?;
     let mut watch = WheelWatch::default();
     for sample in source.samples()? {
         let sample = sample?;
-        if sample.time().since(plan.origin) > GLANCE_S {
+        if begin.is_some_and(|begin| sample.time().since(begin) > GLANCE_S) {
             break;
         }
         if !is_withheld(&withholding, &sample, lag)
@@ -58,7 +62,9 @@ pub(super) fn decide(config: &mut Config, report: Option<&WheelReport>) -> Vec<W
 /// The slope that the fixes describe contradicts gravity, and turned round it contradicts it half as much (variances): what
 /// only floats or is lifted contradicts it either way.
 fn heights_are_upside_down(r: &WheelReport) -> bool {
-    !r.vertical && 2.0 * r.dip_std_upside_down_deg.powi(2) < r.dip_std_deg.powi(2)
+    r.blocks >= MANY_BLOCKS
+        && !r.vertical
+        && 2.0 * r.dip_std_upside_down_deg.powi(2) < r.dip_std_deg.powi(2)
 }
 
 fn upside_down(r: &WheelReport) -> Warning {

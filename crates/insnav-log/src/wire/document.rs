@@ -1,6 +1,7 @@
 //! A message as a tree of named values, however it was written, and the fields of it by name.
 
 use super::{DecodeError, FieldName, Wire};
+use crate::calendar;
 use insnav_core::time::Time;
 
 /// A stretch of some text.
@@ -327,8 +328,9 @@ fn seconds_to_time(seconds: f64) -> Time {
 /// `2020-09-13T12:26:40.5Z`, the way protobuf writes a time in JSON; other offsets than Z are not in use there.
 fn rfc_3339(text: &str) -> Option<Time> {
     let (date, time) = text.strip_suffix(['Z', 'z'])?.split_once(['T', 't'])?;
-    let mut date = date.splitn(3, '-').map(|part| part.parse::<i64>().ok());
+    let mut date = date.splitn(3, '-').map(|part| part.parse::<u32>().ok());
     let (year, month, day) = (date.next()??, date.next()??, date.next()??);
+    let year = i64::from(year);
     let mut time = time.splitn(3, ':');
     let (hour, minute) = (
         time.next()?.parse::<i64>().ok()?,
@@ -341,24 +343,10 @@ fn rfc_3339(text: &str) -> Option<Time> {
         return None;
     }
     let nanos = format!("{fraction:0<9}").parse::<i64>().ok()?;
-    let civil = (1..=12).contains(&month) && (1..=31).contains(&day) && (0..10_000).contains(&year);
     let clock = (0..24).contains(&hour) && (0..60).contains(&minute) && (0..=60).contains(&second);
-    (civil && clock).then(|| {
-        let seconds =
-            days_from_civil(year, month, day) * 86_400 + hour * 3600 + minute * 60 + second;
-        Time(seconds * 1_000_000_000 + nanos)
-    })
-}
-
-/// Days since 1970-01-01 of a date of the Gregorian calendar: years begin in March, so that the leap day is their last.
-pub(crate) fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
-    let year = if month <= 2 { year - 1 } else { year };
-    let era = year.div_euclid(400);
-    let year_of_era = year.rem_euclid(400);
-    let month_from_march = (month + 9) % 12;
-    let day_of_year = (153 * month_from_march + 2) / 5 + day - 1;
-    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
-    era * 146_097 + day_of_era - 719_468
+    let day = calendar::day_of(year, month, day).filter(|_| clock)?;
+    let seconds = hour * 3600 + minute * 60 + second;
+    calendar::at(day, seconds * 1_000_000_000 + nanos)
 }
 
 /// Whether two names are the same but for case and underscores.

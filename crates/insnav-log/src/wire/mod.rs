@@ -13,7 +13,6 @@ mod protobuf;
 mod ros1;
 
 pub use definition::{Definition, DefinitionError};
-pub(crate) use document::days_from_civil;
 pub use document::{Document, Fields};
 pub use error::{DecodeError, FieldName};
 pub use json::read_json;
