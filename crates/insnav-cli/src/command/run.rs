@@ -62,7 +62,7 @@ pub(crate) struct Run {
     heading_deg: Option<f64>,
 
     /// Stop in the middle of everything and keep the run in this file, to go on with the next log of the drive by --resume:
-    /// both outputs together are those of one run. The last seconds of this log come out with the next one
+    /// both outputs together are those of one run with the settings that this one chose. The last seconds of this log come out with the next one
     #[arg(long, value_name = "FILE")]
     save_state: Option<PathBuf>,
 
