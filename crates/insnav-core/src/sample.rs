@@ -59,6 +59,24 @@ pub struct Heading {
     pub sigma: f64,
 }
 
+/// Somebody says whether the body stands: a parking brake, a wheel sensor, the user.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Standstill {
+    /// Instant from which it holds.
+    pub time: Time,
+    /// Whether the body stands.
+    pub standing: bool,
+}
+
+/// Speed of the wheels, whichever way they turn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Speed {
+    /// Instant at which the speed is valid.
+    pub time: Time,
+    /// Speed, m/s; its sign is of no importance.
+    pub speed: f64,
+}
+
 /// Everything that a navigator takes, in one stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sample {
@@ -72,6 +90,10 @@ pub enum Sample {
     GnssVelocity(GnssVelocity),
     /// Heading from outside.
     Heading(Heading),
+    /// Whether the body stands.
+    Standstill(Standstill),
+    /// Speed of the wheels.
+    Speed(Speed),
 }
 
 impl Sample {
@@ -83,6 +105,8 @@ impl Sample {
             Sample::GnssPosition(s) => s.time,
             Sample::GnssVelocity(s) => s.time,
             Sample::Heading(s) => s.time,
+            Sample::Standstill(s) => s.time,
+            Sample::Speed(s) => s.time,
         }
     }
 
@@ -95,6 +119,8 @@ impl Sample {
             Sample::GnssPosition(s) => &mut s.time,
             Sample::GnssVelocity(s) => &mut s.time,
             Sample::Heading(s) => &mut s.time,
+            Sample::Standstill(s) => &mut s.time,
+            Sample::Speed(s) => &mut s.time,
         };
         *time = time.plus(seconds);
         self
@@ -143,6 +169,8 @@ impl Sample {
                 (s.heading.is_finite(), "heading"),
                 (s.sigma.is_finite() && s.sigma > 0.0, "heading sigma"),
             ],
+            Sample::Standstill(_) => [(true, "standstill"); 2],
+            Sample::Speed(s) => [(s.speed.is_finite(), "speed"); 2],
         };
         checks
             .iter()

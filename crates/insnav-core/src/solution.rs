@@ -5,6 +5,7 @@ use crate::attitude::Euler;
 use crate::filter::Update;
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
+use crate::stationary::{Evidence, StopRecord};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
@@ -35,6 +36,8 @@ pub struct Epoch {
     pub imu_errors: ImuErrors,
     /// Whether the body moves or stands.
     pub motion: Motion,
+    /// What the detector of stops saw half a second later.
+    pub evidence: Evidence,
     /// Covariance of the base states in the order position (m, NED), velocity (m/s, NED), attitude (rad, NED),
     /// gyro bias (rad/s, body), accelerometer bias (m/s², body).
     pub covariance: SMatrix<f64, 15, 15>,
@@ -105,6 +108,29 @@ pub enum Event {
         time: Time,
         /// How far the filter moved at most, NED, m.
         offset_n: Vector3<f64>,
+    },
+    /// The body came to a stop.
+    StopBegan {
+        /// Since when the detector has agreed.
+        begin: Time,
+        /// From which instant the filter makes use of it.
+        held_from: Time,
+        /// What spoke for it.
+        evidence: Evidence,
+    },
+    /// A stop ended.
+    StopEnded(StopRecord),
+    /// Standing was declared, but the filter's own velocity contradicts it: not used.
+    StandstillContradicted {
+        /// When.
+        time: Time,
+        /// v̂ᵀ (P_vv + 0.1² I)⁻¹ v̂.
+        nis: f64,
+    },
+    /// Standing was declared for less time than anybody can stop and start in: not used.
+    StandstillFlaps {
+        /// When it ended.
+        time: Time,
     },
     /// A sample with NaN or infinity in it was not used.
     NotFinite {

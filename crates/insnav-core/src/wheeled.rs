@@ -163,6 +163,7 @@ mod tests {
     use crate::imu::ImuErrors;
     use crate::mechanization::NavState;
     use crate::solution::Motion;
+    use crate::stationary::Evidence;
     use nalgebra::SMatrix;
 
     /// Ten minutes at 10 m/s; `motion` gives at a time heading, pitch, side, dip in degrees.
@@ -185,6 +186,7 @@ mod tests {
                 rate_b: Vector3::zeros(),
                 imu_errors: ImuErrors::default(),
                 motion: Motion::Moving,
+                evidence: Evidence::default(),
                 covariance: SMatrix::identity() * 1e-6,
             };
             if watch.wants_epoch(epoch.nav.time) {

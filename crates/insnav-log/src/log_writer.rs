@@ -181,6 +181,11 @@ impl LogWriter {
                 what: "a heading",
                 reason: "there is no standard message for it",
             }),
+            Sample::Standstill(_) | Sample::Speed(_) => Err(LogError::Unwritable {
+                path: self.path.clone(),
+                what: "a standstill or a speed of wheels",
+                reason: "no topic was chosen for it",
+            }),
         }
     }
 

@@ -36,6 +36,7 @@ fn solution(folder: &Path, count: i64, longitude_deg: f64, step_deg: f64) -> (Pa
             rate_b: Vector3::zeros(),
             imu_errors: ImuErrors::default(),
             motion: Motion::Moving,
+            evidence: Default::default(),
             covariance: SMatrix::identity(),
         });
     }

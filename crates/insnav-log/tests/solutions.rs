@@ -55,6 +55,7 @@ fn epoch(k: i64) -> Epoch {
                 since: Time(1_600_000_000_000_000_000),
             }
         },
+        evidence: Default::default(),
         covariance,
     }
 }

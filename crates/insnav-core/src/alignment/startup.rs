@@ -91,7 +91,7 @@ impl Startup {
                 let first = self.first_inertial.get_or_insert(sample.time());
                 *first = sample.time().min(*first);
             }
-            Sample::Heading(_) => {}
+            Sample::Heading(_) | Sample::Standstill(_) | Sample::Speed(_) => {}
         }
     }
 
@@ -122,7 +122,7 @@ impl Startup {
         if waited > PATIENCE {
             return self.align(None);
         }
-        if self.vehicle == VehicleKind::Any {
+        if self.vehicle != VehicleKind::Car {
             return None;
         }
         // A fix is judged once the gyros have come past it, since it is they who carry its course back to the start.

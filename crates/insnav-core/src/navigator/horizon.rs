@@ -18,6 +18,8 @@ pub(super) struct Horizon {
     delay: f64,
     /// Newest inertial stamp.
     head: Option<Time>,
+    /// How many of the oldest samples the look ahead has shown already.
+    seen: usize,
 }
 
 /// Why a sample was not taken.
@@ -36,6 +38,8 @@ fn order(s: &Sample) -> (Time, u8) {
         Sample::GnssPosition(_) => 0,
         Sample::GnssVelocity(_) => 1,
         Sample::Heading(_) => 2,
+        Sample::Standstill(_) => 3,
+        Sample::Speed(_) => 4,
         Sample::Imu(_) | Sample::ImuIncrement(_) => u8::MAX,
     };
     (s.time(), kind)
@@ -47,6 +51,7 @@ impl Horizon {
             ring: Deque::new(),
             delay,
             head: None,
+            seen: 0,
         }
     }
 
@@ -70,6 +75,10 @@ impl Horizon {
         for j in (i + 1..self.ring.len()).rev() {
             self.ring.swap(j - 1, j);
         }
+        // Later than the look ahead: it is used, but was not foreseen.
+        if i < self.seen {
+            self.seen += 1;
+        }
         Ok(())
     }
 
@@ -85,14 +94,24 @@ impl Horizon {
         self.head = None;
     }
 
+    /// The next sample that was not looked at yet, up to an instant.
+    pub(super) fn look_ahead(&mut self, until: Time) -> Option<&Sample> {
+        let next = self.ring.get(self.seen).filter(|s| s.time() <= until)?;
+        self.seen += 1;
+        Some(next)
+    }
+
     /// The oldest sample.
     pub(super) fn pop(&mut self) -> Option<Sample> {
+        self.seen = self.seen.saturating_sub(1);
         self.ring.pop_front()
     }
 
     /// The oldest sample, if it is an aiding one.
     pub(super) fn pop_aiding(&mut self) -> Option<Sample> {
-        self.ring.pop_front_if(|s| !s.is_inertial())
+        let popped = self.ring.pop_front_if(|s| !s.is_inertial());
+        self.seen = self.seen.saturating_sub(usize::from(popped.is_some()));
+        popped
     }
 
     /// All samples, oldest first.

@@ -11,21 +11,25 @@ pub use horizon::HORIZON_CAPACITY;
 #[cfg(feature = "std")]
 use crate::alignment::{Alignment, Startup};
 use crate::config::Config;
+use crate::earth::earth_rate_n;
 use crate::error::{Error, Result};
-use crate::filter::{Eskf, InitialSigma, Verdict};
+use crate::filter::{Eskf, GYRO_BIAS, InitialSigma, VELOCITY, Verdict};
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
-use crate::stationary::GnssSpeed;
+use crate::stationary::{Belief, Evidence, GnssSpeed, StopDetector};
+use crate::time::Time;
 use horizon::{Horizon, NotTaken};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use optional_states::OptionalStates;
 use serde::{Deserialize, Serialize};
 
-/// Between the head and the tail, s, on top of what the clocks differ by.
-const DELAY: f64 = 0.5;
+/// So far ahead of the filter are stops looked for, s: motion is seen before the filter comes to it.
+const LOOK_AHEAD: f64 = 0.5;
+/// Between the head and the tail, s, on top of what the clocks differ by: room for late samples before the look ahead.
+const DELAY: f64 = 0.5 + LOOK_AHEAD;
 
 /// A longer interval between inertial samples is a gap, s.
 const GAP: f64 = 0.2;
@@ -73,6 +77,7 @@ pub struct Navigator {
     nonholonomic: Option<NonholonomicAid>,
     optional: OptionalStates,
     speed: GnssSpeed,
+    detector: StopDetector,
 }
 
 /// Before and after the start.
@@ -137,7 +142,13 @@ impl Navigator {
                 .then(|| NonholonomicAid::new(&config.vehicle)),
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
+            detector: StopDetector::new(&config.stationary, &noise),
         })
+    }
+
+    /// The zero of the seconds in `stationary.intervals_s`; else the first inertial stamp.
+    pub fn set_origin(&mut self, origin: Time) {
+        self.detector.set_origin(origin);
     }
 
     /// The filter, once the run has begun.
@@ -183,7 +194,10 @@ impl Navigator {
         let sample = match sample {
             Sample::Imu(_) | Sample::ImuIncrement(_) => sample.delayed(self.time_offset),
             Sample::GnssVelocity(_) => sample.delayed(-self.velocity_lag),
-            Sample::GnssPosition(_) | Sample::Heading(_) => *sample,
+            Sample::GnssPosition(_)
+            | Sample::Heading(_)
+            | Sample::Standstill(_)
+            | Sample::Speed(_) => *sample,
         };
         if let Err(what) = sample.check_finite() {
             sink.event(&Event::NotFinite {
@@ -311,6 +325,10 @@ impl Navigator {
         let Some(&next) = self.horizon.next_inertial(true) else {
             return Ok(());
         };
+        let belief = belief(filter);
+        while let Some(sample) = self.horizon.look_ahead(next.time().plus(LOOK_AHEAD)) {
+            self.detector.observe(sample, &belief);
+        }
         let last = self.builder.time();
         #[cfg(feature = "std")]
         if let Some(from) = last
@@ -358,7 +376,10 @@ impl Navigator {
                     self.velocity.observe(fix, filter)
                 }
                 Sample::Heading(fix) => self.heading.observe(fix, filter),
-                Sample::Imu(_) | Sample::ImuIncrement(_) => continue,
+                Sample::Imu(_)
+                | Sample::ImuIncrement(_)
+                | Sample::Standstill(_)
+                | Sample::Speed(_) => continue,
             };
             match outcome {
                 Ok(update) => {
@@ -389,7 +410,11 @@ impl Navigator {
             }
         }
         if next.time() >= now && sink.wants_epoch(next.time()) {
-            let mut epoch = epoch(filter, self.speed.motion_at(next.time()));
+            let motion = match self.detector.motion() {
+                Motion::Moving => self.speed.motion_at(next.time()),
+                standing => standing,
+            };
+            let mut epoch = epoch(filter, motion, self.detector.evidence());
             let beyond = self.position.beyond_filter(filter.covariance().layout());
             let mut position = epoch.covariance.fixed_view_mut::<3, 3>(0, 0);
             position += beyond;
@@ -442,8 +467,26 @@ fn held_over_gap(increment: &Increment) -> Increment {
     }
 }
 
+/// What the detector of stops may know of the filter.
+fn belief(filter: &Eskf) -> Belief {
+    let (nominal, covariance) = (filter.nominal(), filter.covariance());
+    let of = |block| {
+        covariance
+            .block(block, block)
+            .unwrap_or_else(Matrix3::zeros)
+    };
+    let earth_rate_n = earth_rate_n(nominal.nav.position.latitude);
+    Belief {
+        rate_b: nominal.imu_errors.gyro_bias
+            + nominal.nav.q_nb.inverse_transform_vector(&earth_rate_n),
+        rate_covariance_b: of(GYRO_BIAS),
+        velocity_n: nominal.nav.velocity_n,
+        velocity_covariance_n: of(VELOCITY),
+    }
+}
+
 /// The solution as the filter has it.
-fn epoch(filter: &Eskf, motion: Motion) -> Epoch {
+fn epoch(filter: &Eskf, motion: Motion, evidence: Evidence) -> Epoch {
     let nominal = filter.nominal();
     let earth = crate::earth::LocalEarth::at(&nominal.nav.position);
     let frame_rate_n = earth.earth_rate_n() + earth.transport_rate_n(&nominal.nav.velocity_n);
@@ -454,6 +497,7 @@ fn epoch(filter: &Eskf, motion: Motion) -> Epoch {
         rate_b,
         imu_errors: nominal.imu_errors,
         motion,
+        evidence,
         covariance: filter.covariance().dense(),
     }
 }

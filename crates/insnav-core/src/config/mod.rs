@@ -2,6 +2,13 @@
 //!
 //! One schema for Rust, the command line (TOML) and Python. Absent means "choose": what was chosen is reported.
 
+mod stationary;
+
+pub use stationary::{
+    Bookkeeping, DetectorKind, HeadingRateGain, HeadingRow, Intervals, MOST_INTERVALS,
+    StandingForce, StationaryConfig, StationaryMode,
+};
+
 use crate::error::{Error, Result};
 use crate::imu::{ImuGrade, ImuNoise, STANDARD_GRAVITY};
 use serde::de::{self, Visitor};
@@ -21,6 +28,8 @@ pub struct Config {
     pub noise: NoiseConfig,
     /// Start.
     pub alignment: AlignmentConfig,
+    /// Stops.
+    pub stationary: StationaryConfig,
     /// Output.
     pub output: OutputConfig,
 }
@@ -37,6 +46,7 @@ impl Config {
             vehicle,
             noise,
             alignment,
+            stationary,
             output,
         } = self;
         let positive =
@@ -112,6 +122,7 @@ impl Config {
             "finite",
         )?;
         positive("alignment.heading_sigma_deg", alignment.heading_sigma_deg)?;
+        stationary.validate()?;
         not_negative("output.rate_hz", output.rate_hz)?;
         finite("output.lever_arm_b_m", output.lever_arm_b_m)?;
         finite("output.origin", output.origin.unwrap_or_default())
@@ -290,6 +301,8 @@ pub enum VehicleKind {
     Car,
     /// May move in any direction: course says nothing about heading.
     Any,
+    /// On a foot: stands for a fraction of a second with every step.
+    Foot,
 }
 
 /// What is made of the wheels of a vehicle.

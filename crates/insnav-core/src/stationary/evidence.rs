@@ -1,0 +1,45 @@
+//! What speaks for a stop.
+
+use serde::{Deserialize, Serialize};
+
+/// Who says that the body stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Witness {
+    /// Nobody: it moves.
+    #[default]
+    Nobody,
+    /// The detector, from the inertial data and whatever speed was heard.
+    Detector,
+    /// A sample that says so.
+    Declared,
+    /// An interval of the settings.
+    Interval,
+}
+
+/// The detector's statistics, each over its threshold: all below 1 speak for a stop. NaN where there is nothing to judge.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// Who says so.
+    pub witness: Witness,
+    /// Of the specific force.
+    pub specific_force: f64,
+    /// Of the angular rate's variation.
+    pub angular_rate: f64,
+    /// Of the mean angular rate against the gyro bias.
+    pub mean_rate: f64,
+    /// Of the speed that GNSS or wheels tell, or of the filter's own where nobody does.
+    pub speed: f64,
+}
+
+impl Default for Evidence {
+    fn default() -> Self {
+        Evidence {
+            witness: Witness::Nobody,
+            specific_force: f64::NAN,
+            angular_rate: f64::NAN,
+            mean_rate: f64::NAN,
+            speed: f64::NAN,
+        }
+    }
+}
