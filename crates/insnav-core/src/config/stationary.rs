@@ -1,6 +1,6 @@
 //! `[stationary]`: how stops are found, and what is made of them.
 
-use super::check;
+use super::{VehicleKind, check};
 use crate::error::{Error, Result};
 use core::fmt;
 use serde::de::{self, SeqAccess, Visitor};
@@ -10,6 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StationaryMode {
+    /// For what carries the unit: `static`, or `zupt` on a foot, which rocks and rolls in every stance.
+    #[default]
+    Auto,
     /// Nothing: stops are found and told, the filter goes on as under way.
     Off,
     /// Zero velocity at every inertial sample.
@@ -21,7 +24,6 @@ pub enum StationaryMode {
     /// Zero velocity and a held attitude, all three angles.
     AttitudeHold,
     /// Constant position and attitude; the inertial unit's means are measurements of its errors.
-    #[default]
     Static,
 }
 
@@ -266,6 +268,35 @@ impl Default for StationaryConfig {
 }
 
 impl StationaryConfig {
+    /// With everything decided that depends on what carries the unit: no `auto` is left, window and entry are set.
+    #[must_use]
+    pub fn for_vehicle(mut self, kind: VehicleKind) -> Self {
+        let on_foot = kind == VehicleKind::Foot;
+        if self.mode == StationaryMode::Auto {
+            self.mode = if on_foot {
+                StationaryMode::Zupt
+            } else {
+                StationaryMode::Static
+            };
+        }
+        if self.detector == DetectorKind::Auto {
+            self.detector = if on_foot {
+                DetectorKind::Glrt
+            } else {
+                DetectorKind::Composite
+            };
+        }
+        let composite = self.detector == DetectorKind::Composite;
+        self.window_s.get_or_insert(match (composite, on_foot) {
+            (true, _) => 2.0,
+            (false, true) => 0.1,
+            (false, false) => 1.0,
+        });
+        self.entry_s
+            .get_or_insert(if composite { 0.5 } else { 0.0 });
+        self
+    }
+
     pub(super) fn validate(&self) -> Result<()> {
         self.intervals_s.validate()?;
         let positive = |key, value| check(key, value, |x| x > 0.0, "finite and above 0");
@@ -319,6 +350,34 @@ impl StationaryConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_left_open_follows_from_the_vehicle_and_what_is_set_stays() {
+        let open = StationaryConfig::default();
+        let car = open.for_vehicle(VehicleKind::Car);
+        assert_eq!(
+            (car.mode, car.detector, car.window_s, car.entry_s),
+            (
+                StationaryMode::Static,
+                DetectorKind::Composite,
+                Some(2.0),
+                Some(0.5)
+            )
+        );
+        let foot = open.for_vehicle(VehicleKind::Foot);
+        assert_eq!(
+            (foot.mode, foot.detector, foot.entry_s),
+            (StationaryMode::Zupt, DetectorKind::Glrt, Some(0.0))
+        );
+        let set = StationaryConfig {
+            mode: StationaryMode::Off,
+            detector: DetectorKind::Mv,
+            window_s: Some(0.3),
+            entry_s: Some(0.2),
+            ..open
+        };
+        assert_eq!(set.for_vehicle(VehicleKind::Foot), set);
+    }
 
     #[test]
     fn intervals_that_overlap_or_run_backward_are_refused_with_their_number() {

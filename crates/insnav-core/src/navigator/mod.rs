@@ -121,6 +121,7 @@ impl Navigator {
     fn at_stage(config: &Config, noise: ImuNoise, stage: Stage) -> Result<Self> {
         config.validate()?;
         let gnss = &config.gnss;
+        let stationary = config.stationary.for_vehicle(config.vehicle.kind);
         // The clocks' differences push aiding back against the IMU: the horizon must be longer by as much.
         let delay = DELAY + gnss.time_offset_s.max(0.0) + gnss.velocity_lag_s.max(0.0);
         Ok(Navigator {
@@ -142,7 +143,7 @@ impl Navigator {
                 .then(|| NonholonomicAid::new(&config.vehicle)),
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
-            detector: StopDetector::new(&config.stationary, &noise),
+            detector: StopDetector::new(&stationary, &noise),
         })
     }
 
