@@ -17,6 +17,7 @@ const DURATION_S: f64 = 600.0;
 /// The wandering part: a third of what a single-frequency receiver shows, over a minute.
 const COLOUR: ColourConfig = ColourConfig {
     sigma_m: 1.0,
+    vertical_sigma_m: None,
     tau_s: 60.0,
 };
 const WHITE_M: f64 = 0.3;

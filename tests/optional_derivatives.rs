@@ -81,7 +81,7 @@ fn open_filter(at: &Nominal) -> Eskf {
     filter.open(AXLE, constant).unwrap();
     filter.open(CLOCK_OFFSET, constant).unwrap();
     let colour = Process {
-        sigma: 1.0,
+        sigma: Vector3::new(1.0, 1.0, 2.0),
         tau: 30.0,
     };
     filter.open(GNSS_COLOUR, colour).unwrap();
@@ -332,6 +332,7 @@ fn colour_states_take_the_place_of_the_weight_for_dependence() {
     assert_eq!(variance(None), 10.0);
     let colour = ColourConfig {
         sigma_m: 1.0,
+        vertical_sigma_m: None,
         tau_s: 60.0,
     };
     assert_eq!(variance(Some(colour)), 1.0);

@@ -88,6 +88,10 @@ impl Config {
         positive("imu.gyro_scale_sigma_ppm", imu.gyro_scale_sigma_ppm)?;
         positive("imu.accel_scale_sigma_ppm", imu.accel_scale_sigma_ppm)?;
         positive("gnss.colour.sigma_m", gnss.colour.map(|c| c.sigma_m))?;
+        positive(
+            "gnss.colour.vertical_sigma_m",
+            gnss.colour.and_then(|c| c.vertical_sigma_m),
+        )?;
         positive("gnss.colour.tau_s", gnss.colour.map(|c| c.tau_s))?;
         positive("gnss.lever_arm_sigma_m", gnss.lever_arm_sigma_m)?;
         positive("gnss.time_offset_sigma_s", gnss.time_offset_sigma_s)?;
@@ -191,12 +195,15 @@ pub struct GnssConfig {
     pub time_offset_sigma_s: Option<f64>,
 }
 
-/// A first-order Gauss–Markov error of GNSS positions (multipath, atmosphere), equal in north, east and down.
+/// A first-order Gauss–Markov error of GNSS positions (multipath, atmosphere).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColourConfig {
-    /// Standard deviation, m.
+    /// Standard deviation in north and in east, m.
     pub sigma_m: f64,
+    /// Standard deviation of the height, m; absent: the same.
+    #[serde(default)]
+    pub vertical_sigma_m: Option<f64>,
     /// Correlation time, s.
     pub tau_s: f64,
 }

@@ -8,12 +8,12 @@ use crate::mechanization::{Increment, Interval};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A first-order Gauss–Markov process, the same for all states of a block: `sigma` at the start and for ever after,
-/// correlation time `tau` in seconds. An infinite `tau` is a constant of which `sigma` is known at the start.
+/// First-order Gauss–Markov processes of the states of a block: `sigma` at the start and for ever after, correlation time
+/// `tau` in seconds. An infinite `tau` is a constant of which `sigma` is known at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Process {
-    /// Standard deviation, in the unit of the block.
-    pub sigma: f64,
+    /// Standard deviation of each state, in the unit of the block; those beyond its size are not used.
+    pub sigma: Vector3<f64>,
     /// Correlation time, s.
     pub tau: f64,
 }
@@ -22,7 +22,7 @@ impl Process {
     /// A constant that is known to `sigma`.
     pub fn constant(sigma: f64) -> Self {
         Process {
-            sigma,
+            sigma: Vector3::repeat(sigma),
             tau: f64::INFINITY,
         }
     }
@@ -80,8 +80,8 @@ pub fn fill_optional(
     }
     for (id, _, range) in layout.optional() {
         let process = processes.0[id];
-        let step = GaussMarkov::over(interval.dt, process.sigma, process.tau);
-        for i in range {
+        for (i, sigma) in range.zip(process.sigma.iter()) {
+            let step = GaussMarkov::over(interval.dt, *sigma, process.tau);
             (phi.decay[i], phi.noise[i]) = (step.decay, step.variance);
         }
     }

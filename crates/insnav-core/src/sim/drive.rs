@@ -38,6 +38,8 @@ pub struct Wave {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Body {
+    /// Roll and pitch that are always there: how the unit is mounted, degrees.
+    pub tilt_deg: [f64; 2],
     /// Roll to the outside of a turn, degrees per m/s² of lateral acceleration.
     pub lean_deg_per_m_per_s2: f64,
     /// Nose up under acceleration, degrees per m/s².
@@ -121,6 +123,7 @@ impl Drive {
             )?;
         }
         let body = &self.body;
+        finite(&body.tilt_deg, "drive.body.tilt_deg")?;
         finite(
             &[body.lean_deg_per_m_per_s2],
             "drive.body.lean_deg_per_m_per_s2",

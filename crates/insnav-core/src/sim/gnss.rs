@@ -7,6 +7,7 @@ use crate::earth::LocalEarth;
 use crate::error::Result;
 use crate::sample::{GnssPosition, GnssVelocity, Sample};
 use crate::time::Time;
+use core::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,14 @@ pub struct GnssModel {
     pub position_colour_tau_s: f64,
     /// White error of a velocity, m/s.
     pub velocity_sigma_m_per_s: [f64; 3],
+    /// Steady sigma of the coloured (Gauss–Markov) error of velocities, m/s.
+    pub velocity_colour_sigma_m_per_s: [f64; 3],
+    /// Its correlation time, s.
+    pub velocity_colour_tau_s: f64,
+    /// Whether the errors of a run are scaled until their root mean square is that of the sigmas, white and coloured together:
+    /// horizontal positions, heights and velocities each by one factor. Coloured errors of a short run differ from their
+    /// sigma by much; where a receiver is known by what it showed over such a run, this is how to have it.
+    pub scaled_to_sigma: bool,
     /// Whether fixes state a covariance (white and coloured together); outliers state the same as good fixes.
     pub states_covariance: bool,
     /// When there are no fixes.
@@ -72,6 +81,9 @@ impl Default for GnssModel {
             position_colour_sigma_m: [0.0; 3],
             position_colour_tau_s: 300.0,
             velocity_sigma_m_per_s: [0.05, 0.05, 0.1],
+            velocity_colour_sigma_m_per_s: [0.0; 3],
+            velocity_colour_tau_s: 10.0,
+            scaled_to_sigma: false,
             states_covariance: true,
             outages: Vec::new(),
             outlier_probability: 0.0,
@@ -97,6 +109,11 @@ impl GnssModel {
         )?;
         not_negative(&self.velocity_sigma_m_per_s, "gnss.velocity_sigma_m_per_s")?;
         positive(self.position_colour_tau_s, "gnss.position_colour_tau_s")?;
+        not_negative(
+            &self.velocity_colour_sigma_m_per_s,
+            "gnss.velocity_colour_sigma_m_per_s",
+        )?;
+        positive(self.velocity_colour_tau_s, "gnss.velocity_colour_tau_s")?;
         let share = self.outlier_probability;
         within(
             share,
@@ -165,22 +182,20 @@ pub(super) fn simulate(
         (valid.plus(model.latency_s), valid.plus(model.time_offset_s))
     };
 
-    let sigma = Vector3::from(model.position_sigma_m);
-    let colour_sigma = Vector3::from(model.position_colour_sigma_m);
-    let mut white = Source::new(seed, Stream::PositionWhite);
-    let source = Source::new(seed, Stream::PositionColour);
-    let mut colour = GaussMarkov::new(
-        colour_sigma,
-        colour_sigma,
-        model.position_colour_tau_s,
-        source,
+    let positions = Errors {
+        sigma: Vector3::from(model.position_sigma_m),
+        colour_sigma: Vector3::from(model.position_colour_sigma_m),
+        colour_tau: model.position_colour_tau_s,
+        interval: 1.0 / model.position_rate_hz,
+        scaled: model.scaled_to_sigma.then_some(&[0..2, 2..3]),
+    };
+    let errors = positions.draw(
+        instants(model.position_rate_hz).count(),
+        Source::new(seed, Stream::PositionWhite),
+        Source::new(seed, Stream::PositionColour),
     );
-    for t in instants(model.position_rate_hz) {
-        if t > 0.0 {
-            colour.step(1.0 / model.position_rate_hz);
-        }
-        let error =
-            white.normal3().component_mul(&sigma) + colour.value + outlier(model.outlier_size_m);
+    for (t, error) in instants(model.position_rate_hz).zip(errors) {
+        let error = error + outlier(model.outlier_size_m);
         if model.is_out(t) {
             continue;
         }
@@ -193,15 +208,25 @@ pub(super) fn simulate(
             Sample::GnssPosition(GnssPosition {
                 time,
                 position,
-                covariance_n: covariance(sigma, colour_sigma),
+                covariance_n: covariance(positions.sigma, positions.colour_sigma),
             }),
         ));
     }
 
-    let sigma = Vector3::from(model.velocity_sigma_m_per_s);
-    let mut white = Source::new(seed, Stream::VelocityWhite);
-    for t in instants(model.velocity_rate_hz) {
-        let error = white.normal3().component_mul(&sigma) + outlier(0.1 * model.outlier_size_m);
+    let velocities = Errors {
+        sigma: Vector3::from(model.velocity_sigma_m_per_s),
+        colour_sigma: Vector3::from(model.velocity_colour_sigma_m_per_s),
+        colour_tau: model.velocity_colour_tau_s,
+        interval: 1.0 / model.velocity_rate_hz,
+        scaled: model.scaled_to_sigma.then_some(&[0..3]),
+    };
+    let errors = velocities.draw(
+        instants(model.velocity_rate_hz).count(),
+        Source::new(seed, Stream::VelocityWhite),
+        Source::new(seed, Stream::VelocityColour),
+    );
+    for (t, error) in instants(model.velocity_rate_hz).zip(errors) {
+        let error = error + outlier(0.1 * model.outlier_size_m);
         if model.is_out(t) {
             continue;
         }
@@ -212,11 +237,48 @@ pub(super) fn simulate(
             Sample::GnssVelocity(GnssVelocity {
                 time,
                 velocity_n: antenna_velocity_n(&k, &lever_arm_b) + error,
-                covariance_n: covariance(sigma, Vector3::zeros()),
+                covariance_n: covariance(velocities.sigma, velocities.colour_sigma),
             }),
         ));
     }
     fixes
+}
+
+/// Errors of one kind of fix but for outliers.
+struct Errors<'a> {
+    sigma: Vector3<f64>,
+    colour_sigma: Vector3<f64>,
+    colour_tau: f64,
+    /// Between fixes, s.
+    interval: f64,
+    /// The components that are scaled to their sigmas together.
+    scaled: Option<&'a [Range<usize>]>,
+}
+
+impl Errors<'_> {
+    fn draw(&self, count: usize, mut white: Source, colour: Source) -> Vec<Vector3<f64>> {
+        let steady = self.colour_sigma;
+        let mut colour = GaussMarkov::new(steady, steady, self.colour_tau, colour);
+        let mut errors = Vec::with_capacity(count);
+        for i in 0..count {
+            if i > 0 {
+                colour.step(self.interval);
+            }
+            errors.push(white.normal3().component_mul(&self.sigma) + colour.value);
+        }
+        for range in self.scaled.into_iter().flatten() {
+            let squares = |v: &Vector3<f64>| range.clone().map(|i| v[i] * v[i]).sum::<f64>();
+            let shown = errors.iter().map(squares).sum::<f64>() / count as f64;
+            let wanted = squares(&self.sigma) + squares(&self.colour_sigma);
+            if shown > 0.0 {
+                let factor = (wanted / shown).sqrt();
+                for error in &mut errors {
+                    range.clone().for_each(|i| error[i] *= factor);
+                }
+            }
+        }
+        errors
+    }
 }
 
 #[cfg(test)]
@@ -318,6 +380,45 @@ mod tests {
                 .all(|(arrival, s)| arrival.since(s.time()) == 0.2),
             "0.4 of latency less 0.2 of stamp"
         );
+    }
+
+    /// Scaled, the root mean square over the run is that of the sigmas whatever the seed; unscaled it is not, by far.
+    #[test]
+    fn scaled_errors_have_the_size_of_their_sigmas_in_every_run() {
+        let trajectory = drive();
+        let mut model = GnssModel {
+            position_sigma_m: [1.0, 1.0, 2.0],
+            position_colour_sigma_m: [2.0, 2.0, 1.0],
+            position_colour_tau_s: 100.0,
+            velocity_sigma_m_per_s: [0.1; 3],
+            velocity_colour_sigma_m_per_s: [0.2; 3],
+            scaled_to_sigma: true,
+            ..ideal()
+        };
+        let shown = |model: &GnssModel, seed| {
+            let fixes = simulate(model, &trajectory, 300.0, seed);
+            let mut sums = [0.0; 3];
+            for fix in positions(&fixes) {
+                let at = trajectory.at(fix.time).nav.position;
+                let e = at.offset_to(&fix.position);
+                sums[0] += e.x * e.x + e.y * e.y;
+                sums[1] += e.z * e.z;
+            }
+            for fix in velocities(&fixes) {
+                sums[2] += (fix.velocity_n - trajectory.at(fix.time).nav.velocity_n).norm_squared();
+            }
+            sums.map(|s| (s / 3001.0).sqrt())
+        };
+        let wanted = [10f64.sqrt(), 5f64.sqrt(), 0.15f64.sqrt()];
+        for seed in 0..5 {
+            for (found, wanted) in shown(&model, seed).iter().zip(wanted) {
+                // Places on the ellipsoid are kept to a nanometre.
+                assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+            }
+        }
+        model.scaled_to_sigma = false;
+        let far = (0..5).map(|seed| (shown(&model, seed)[0] / wanted[0] - 1.0).abs());
+        assert!(far.fold(0.0, f64::max) > 0.1);
     }
 
     #[test]

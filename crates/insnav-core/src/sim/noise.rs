@@ -28,6 +28,8 @@ pub enum Stream {
     Route = 9,
     /// Errors that a test adds by itself, such as the error of an initial state.
     Initial = 10,
+    /// Coloured error of GNSS velocities.
+    VelocityColour = 11,
 }
 
 /// A sequence of random numbers that depends on a seed and a [`Stream`] only.

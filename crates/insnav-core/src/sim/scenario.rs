@@ -126,6 +126,7 @@ fn car_body() -> Body {
         phase_deg,
     };
     Body {
+        tilt_deg: [0.0; 2],
         lean_deg_per_m_per_s2: 0.3,
         squat_deg_per_m_per_s2: 0.2,
         roll: vec![

@@ -160,10 +160,11 @@ impl Body {
         };
         let (roll, roll_rate) = sway(&self.roll);
         let (pitch, pitch_rate) = sway(&self.pitch);
+        let [roll_tilt, pitch_tilt] = self.tilt_deg.map(f64::to_radians);
         (
-            lean * lateral + roll,
+            roll_tilt + lean * lateral + roll,
             lean * lateral_rate + roll_rate,
-            slope.value + squat * speed.rate + pitch,
+            pitch_tilt + slope.value + squat * speed.rate + pitch,
             slope.rate + squat * speed.rate2 + pitch_rate,
         )
     }
