@@ -13,7 +13,7 @@ use insnav::navigator::Navigator;
 use insnav::sim::{GnssModel, ImuErrorModel, ImuOutput, Scenario, Source, Stream, Truth};
 use insnav::solution::{Epoch, Sink};
 use insnav::time::Time;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 const BLOCKS: [&str; 5] = [
@@ -111,6 +111,7 @@ impl Sink for Nees<'_> {
     fn epoch(&mut self, epoch: &Epoch) {
         let truth = (self.truth)(epoch.nav.time);
         let nominal = |nav: NavState, imu_errors: ImuErrors| Nominal {
+            held_q_nb: UnitQuaternion::identity(),
             nav,
             rate_b: Vector3::zeros(),
             acceleration_n: Vector3::zeros(),

@@ -21,7 +21,7 @@ use insnav::mechanization::{Increment, NavState};
 use insnav::sample::{GnssPosition, GnssVelocity};
 use insnav::sim::{Source, Stream};
 use insnav::time::Time;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 type Rows = SMatrix<f64, 9, BASE>;
 
@@ -49,6 +49,7 @@ fn random_nominal(source: &mut Source) -> Nominal {
         source.between(-100.0, 10_000.0),
     );
     Nominal {
+        held_q_nb: UnitQuaternion::identity(),
         nav: NavState {
             time: Time(1_700_000_000_000_000_000),
             position,

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 
 /// A size of error for each block, so that a relative tolerance means the same for metres and radians.
 const SCALE: [f64; BLOCKS.len()] = [
-    10.0, 1.0, 0.02, 1e-4, 0.03, 0.02, 3.0, 1e-3, 1e-3, 0.1, 0.02, 0.01, 0.01, 0.5,
+    10.0, 1.0, 0.02, 1e-4, 0.03, 0.02, 3.0, 1e-3, 1e-3, 0.1, 0.02, 0.01, 0.01, 0.5, 0.02,
 ];
 
 /// Call something generic over the size of a block for the optional block of a number.

@@ -35,6 +35,7 @@ fn zero_sigma() -> InitialSigma {
 
 fn random_nominal(source: &mut Source) -> Nominal {
     Nominal {
+        held_q_nb: UnitQuaternion::identity(),
         nav: NavState {
             time: Time(1_700_000_000_000_000_000),
             position: Geodetic::from_degrees(
@@ -284,6 +285,7 @@ fn a_vehicle_that_follows_its_nose_has_no_residual() {
     let q_vb = UnitQuaternion::from_euler_angles(0.0, mounting.x, mounting.y);
     let q_nv = UnitQuaternion::from_euler_angles(0.01, 0.05, 2.0);
     let nominal = |mounting| Nominal {
+        held_q_nb: UnitQuaternion::identity(),
         nav: NavState {
             time: Time(0),
             position: Geodetic::from_degrees(50.0, 14.0, 200.0),

@@ -74,6 +74,25 @@ impl<const M: usize> Columns<M> {
         }
     }
 
+    /// Put the columns that `N` states of a block have, from `axis` on, for the states of another block as well: what acts
+    /// through the sum of the two.
+    pub(super) fn mirror<const N: usize, const K: usize>(
+        &mut self,
+        layout: &Layout,
+        block: Block<N>,
+        axis: usize,
+        into: Block<K>,
+    ) {
+        let (Some(from), Some(to)) = (layout.offset(block), layout.offset(into)) else {
+            return;
+        };
+        let from = from + axis..from + axis + K;
+        let columns = *self;
+        for (place, value) in columns.iter().filter(|(place, _)| from.contains(place)) {
+            self.push(to + place - from.start, *value);
+        }
+    }
+
     #[inline]
     fn push(&mut self, place: usize, value: [f64; M]) {
         match self.list.get_mut(self.len) {

@@ -193,6 +193,29 @@ impl Covariance {
         Innovation::new(hp, hph + r, residual, self.layout.len())
     }
 
+    /// As [`Covariance::innovation`], for a noise that is in the states already: `cross` is E\[x vᵀ\], by its non-zero columns
+    /// (\[Simon06\] section 7.1).
+    ///
+    /// Only [`Covariance::correct`] may follow, with a noise that is not small against the prediction.
+    pub(super) fn innovation_correlated<const M: usize>(
+        &self,
+        h: &Columns<M>,
+        r: &SMatrix<f64, M, M>,
+        cross: &Columns<M>,
+        residual: &SVector<f64, M>,
+    ) -> core::result::Result<Innovation<M>, f64> {
+        let (mut hp, mut s) = self.project(h);
+        for (j, c) in cross.iter() {
+            for a in 0..M {
+                hp[a][j / LANE % LANES][j % LANE] += c[a];
+            }
+            for (_, g) in h.iter().filter(|(i, _)| *i == j) {
+                s += SMatrix::<f64, M, M>::from_fn(|a, b| g[a] * c[b] + c[a] * g[b]);
+            }
+        }
+        Innovation::new(hp, s + r, residual, self.layout.len())
+    }
+
     /// H P and H P Hᵀ.
     fn project<const M: usize>(
         &self,
@@ -377,40 +400,49 @@ impl Covariance {
         }
     }
 
-    /// Move one state with all its covariances into a block of its own, leaving zero behind: P ← T P Tᵀ. A block that is
-    /// open already gains what is moved.
+    /// Move the states of `from` that begin at `axis` into a block of their own with all their covariances, leaving zero
+    /// behind: P ← T P Tᵀ. A block that is open already gains what is moved.
     ///
     /// The total, the two together, is unchanged; [`Covariance::merge`] is the exact way back (\[Kozadaev17\] eq. 9–12 with the
     /// cross-covariances kept).
     ///
     /// # Errors
     /// `Capacity` when there is no room.
-    pub fn split<const N: usize>(
+    pub fn split<const N: usize, const K: usize>(
         &mut self,
         from: Block<N>,
         axis: usize,
-        into: Block<1>,
+        into: Block<K>,
     ) -> Result<()> {
-        debug_assert!(axis < N);
+        debug_assert!(axis + K <= N);
         let Some(source) = self.layout.offset(from).map(|at| at + axis) else {
             return Ok(());
         };
         let target = self.layout.open(into)?;
-        self.add_state(source, target);
-        self.clear_row(source);
+        for k in 0..K {
+            self.add_state(source + k, target + k);
+            self.clear_row(source + k);
+        }
         Ok(())
     }
 
-    /// Add a block of one state to another state and drop it: P ← S P Sᵀ, the inverse of [`Covariance::split`].
-    pub fn merge<const N: usize>(&mut self, from: Block<1>, into: Block<N>, axis: usize) {
+    /// Add the states of a block to others and drop it: P ← S P Sᵀ, the inverse of [`Covariance::split`].
+    pub fn merge<const N: usize, const K: usize>(
+        &mut self,
+        from: Block<K>,
+        into: Block<N>,
+        axis: usize,
+    ) {
+        debug_assert!(axis + K <= N);
         let (Some(source), Some(target)) = (
             self.layout.offset(from),
             self.layout.offset(into).map(|at| at + axis),
         ) else {
             return;
         };
-        debug_assert!(axis < N);
-        self.add_state(source, target);
+        for k in 0..K {
+            self.add_state(source + k, target + k);
+        }
         self.close(from);
     }
 

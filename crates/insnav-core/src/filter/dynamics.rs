@@ -132,13 +132,20 @@ pub fn fill_base(phi: &mut Transition, layout: &Layout, interval: &Interval, noi
         .put(layout, ATTITUDE, &skew(&(j.frame_rate_n * -dt)));
     phi.attitude.put(layout, GYRO_BIAS, &minus_axes_dt);
 
-    let gyro = GaussMarkov::over(dt, noise.gyro_bias_sigma, noise.gyro_bias_tau);
-    let accel = GaussMarkov::over(dt, noise.accel_bias_sigma, noise.accel_bias_tau);
+    fill_biases(phi, noise, dt);
     let white_v = noise.accel_white * noise.accel_white * dt;
     let white_a = noise.gyro_white * noise.gyro_white * dt;
     for a in 0..3 {
         phi.noise[3 + a] = white_v;
         phi.noise[6 + a] = white_a;
+    }
+}
+
+/// Decay and noise of the biases over `dt` seconds.
+pub(super) fn fill_biases(phi: &mut Transition, noise: &ImuNoise, dt: f64) {
+    let gyro = GaussMarkov::over(dt, noise.gyro_bias_sigma, noise.gyro_bias_tau);
+    let accel = GaussMarkov::over(dt, noise.accel_bias_sigma, noise.accel_bias_tau);
+    for a in 0..3 {
         (phi.decay[9 + a], phi.noise[9 + a]) = (gyro.decay, gyro.variance);
         (phi.decay[12 + a], phi.noise[12 + a]) = (accel.decay, accel.variance);
     }

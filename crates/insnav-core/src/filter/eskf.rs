@@ -4,6 +4,7 @@ use super::columns::{Columns, part};
 use super::covariance::Covariance;
 use super::dynamics::fill_base;
 use super::gate::Gate;
+use super::held::mirror_held;
 use super::layout::{
     ACCEL_BIAS, ATTITUDE, BASE, Block, BlockInfo, GYRO_BIAS, Layout, POSITION, VELOCITY,
 };
@@ -13,7 +14,7 @@ use super::transition::Transition;
 use super::update::{Update, Verdict};
 use crate::error::{Error, Result};
 use crate::imu::{ImuErrors, ImuNoise};
-use crate::mechanization::{Increment, NavState};
+use crate::mechanization::{Increment, Interval, NavState};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
@@ -42,6 +43,15 @@ pub trait Measurement<const M: usize> {
     fn dependence(&self) -> f64 {
         1.0
     }
+    /// Whether the residual depends on the whole attitude. One that compares with a held attitude does not: what both have in
+    /// common it does not see.
+    fn sees_whole_attitude(&self) -> bool {
+        true
+    }
+    /// E\[x vᵀ\] by its non-zero columns, where the noise v has gone into the states as well; `None`: it has not.
+    fn noise_in_states(&self, _layout: &Layout) -> Option<Columns<M>> {
+        None
+    }
     /// The block that alone is corrected, where the measurement must not speak of others; `None`: all states.
     fn only(&self) -> Option<Block<3>> {
         None
@@ -66,12 +76,12 @@ pub struct InitialSigma {
 /// Error-state Kalman filter of a strapdown INS: 15 base states and the optional blocks of its layout.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Eskf {
-    nominal: Nominal,
-    covariance: Covariance,
-    noise: ImuNoise,
-    processes: Processes,
+    pub(super) nominal: Nominal,
+    pub(super) covariance: Covariance,
+    pub(super) noise: ImuNoise,
+    pub(super) processes: Processes,
     #[serde(skip)]
-    phi: Transition,
+    pub(super) phi: Transition,
 }
 
 impl Eskf {
@@ -95,6 +105,7 @@ impl Eskf {
             acceleration_n: Vector3::zeros(),
             imu_errors,
             calibration: Calibration::default(),
+            held_q_nb: nav.q_nb,
         };
         Eskf {
             nominal,
@@ -184,14 +195,21 @@ impl Eskf {
 
     /// Move over one raw increment (sensor errors still inside).
     pub fn propagate(&mut self, raw: &Increment) {
+        self.advance(raw, |_| {});
+    }
+
+    /// Move over one raw increment; `seen` may change what the error dynamics see of it.
+    #[inline]
+    pub(super) fn advance(&mut self, raw: &Increment, seen: impl Fn(&mut Interval)) {
         if raw.dt <= 0.0 {
             return;
         }
         let increment = raw.corrected(&self.nominal.imu_errors);
         self.nominal.rate_b = increment.rotation_b / raw.dt;
         let before = self.nominal.nav.velocity_n;
-        let interval = self.nominal.nav.advance(&increment);
+        let mut interval = self.nominal.nav.advance(&increment);
         self.nominal.acceleration_n = (self.nominal.nav.velocity_n - before) / raw.dt;
+        seen(&mut interval);
         let layout = self.covariance.layout();
         fill_base(&mut self.phi, layout, &interval, &self.noise);
         let errors = &self.nominal.imu_errors;
@@ -200,7 +218,11 @@ impl Eskf {
             fill_optional(phi, layout, &interval, &increment, errors, processes);
         }
         self.covariance.propagate(&self.phi);
-        // The estimates decay as their errors do.
+        self.decay();
+    }
+
+    /// The estimates decay as their errors do.
+    pub(super) fn decay(&mut self) {
         let layout = self.covariance.layout();
         let errors = &mut self.nominal.imu_errors;
         let decays = [
@@ -238,8 +260,16 @@ impl Eskf {
         gate: &mut Gate,
     ) -> Result<Update> {
         const { assert!(M >= 1 && M <= 3) };
-        let Linearized { residual, h, mut r } =
-            measurement.linearize(&self.nominal, self.covariance.layout());
+        let layout = self.covariance.layout();
+        let Linearized {
+            residual,
+            mut h,
+            mut r,
+        } = measurement.linearize(&self.nominal, layout);
+        if layout.len() > BASE && measurement.sees_whole_attitude() {
+            mirror_held(&mut h, layout);
+        }
+        let cross = measurement.noise_in_states(layout);
         let refuse = |pivot| Error::NotPositiveDefinite {
             measurement: measurement.name(),
             time,
@@ -251,10 +281,13 @@ impl Eskf {
                 time,
             });
         }
-        let mut innovation = self
-            .covariance
-            .innovation(&h, &r, &residual)
-            .map_err(refuse)?;
+        let mut innovation = match &cross {
+            None => self.covariance.innovation(&h, &r, &residual),
+            Some(cross) => self
+                .covariance
+                .innovation_correlated(&h, &r, cross, &residual),
+        }
+        .map_err(refuse)?;
         let (alone, dependence) = (innovation.nis, measurement.dependence());
         let mut judged = (innovation.nis, innovation.s);
         let sigma = core::array::from_fn(|i| {

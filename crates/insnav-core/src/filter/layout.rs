@@ -68,6 +68,8 @@ blocks! {
     12 CLOCK_OFFSET: 1, "clock_offset", "s";
     /// How much further forward the unsteered axle is than the settings say, body axes.
     13 AXLE: 1, "axle", "m";
+    /// The constant part of the attitude error while an attitude is held, NED.
+    14 HELD_ATTITUDE: 3, "held_attitude", "rad";
 }
 
 /// The number of states of the base blocks, which are always open.

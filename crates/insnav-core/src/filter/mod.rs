@@ -5,9 +5,11 @@ mod covariance;
 mod dynamics;
 mod eskf;
 mod gate;
+mod held;
 mod layout;
 mod nominal;
 mod optional;
+mod standing;
 mod transition;
 mod update;
 
@@ -18,10 +20,11 @@ pub use eskf::{Eskf, InitialSigma, Linearized, Measurement};
 pub use gate::Gate;
 pub use layout::{
     ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, AXLE, BASE, BLOCKS, Block, BlockInfo, CAPACITY,
-    CLOCK_OFFSET, GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING,
-    ODOMETER_SCALE, POSITION, VELOCITY,
+    CLOCK_OFFSET, GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE, HELD_ATTITUDE, HELD_HEADING, LEVER_ARM,
+    Layout, MOUNTING, ODOMETER_SCALE, POSITION, VELOCITY,
 };
 pub use nominal::{Calibration, Nominal};
 pub use optional::{Process, Processes, fill_optional};
+pub use standing::Settling;
 pub use transition::Transition;
 pub use update::{Update, Verdict};

@@ -3,12 +3,13 @@
 use super::columns::{Columns, States, part};
 use super::layout::{
     ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, AXLE, BASE, Block, CAPACITY, CLOCK_OFFSET, GNSS_COLOUR,
-    GYRO_BIAS, GYRO_SCALE, LEVER_ARM, Layout, MOUNTING, ODOMETER_SCALE, POSITION, VELOCITY,
+    GYRO_BIAS, GYRO_SCALE, HELD_ATTITUDE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING,
+    ODOMETER_SCALE, POSITION, VELOCITY,
 };
 use crate::attitude::{exp, log};
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// What the aiding models need beyond the motion: corrections of what the settings say. All zero unless estimated or set.
@@ -42,6 +43,8 @@ pub struct Nominal {
     pub imu_errors: ImuErrors,
     /// Everything else that is estimated or known.
     pub calibration: Calibration,
+    /// The attitude that is held while standing; of no meaning else.
+    pub held_q_nb: UnitQuaternion<f64>,
 }
 
 impl Nominal {
@@ -49,7 +52,9 @@ impl Nominal {
     #[must_use]
     pub fn retract(&self, layout: &Layout, dx: &States) -> Self {
         let of = |block| part(layout, dx, block).unwrap_or_else(Vector3::zeros);
-        let mut q_nb = exp(&of(ATTITUDE)) * self.nav.q_nb;
+        // While an attitude is held, its constant error has states of its own beside those of what has happened since.
+        let held = held(layout, dx);
+        let mut q_nb = exp(&(of(ATTITUDE) + held)) * self.nav.q_nb;
         q_nb.renormalize_fast();
         let gyro_bias = of(GYRO_BIAS);
         let mut truth = Nominal {
@@ -70,6 +75,7 @@ impl Nominal {
         };
         if layout.len() > BASE || self.imu_errors.has_scale() {
             truth.retract_optional(self, layout, dx);
+            truth.held_q_nb = exp(&held) * self.held_q_nb;
         }
         truth
     }
@@ -128,14 +134,24 @@ impl Nominal {
         }
     }
 
-    /// ⊟: the error of `self` if `truth` is the truth, the inverse of [`Nominal::retract`] for all blocks but the held heading,
-    /// which has no estimate of its own; closed blocks stay zero.
+    /// ⊟: the error of `self` if `truth` is the truth, the inverse of [`Nominal::retract`]; closed blocks stay zero.
     pub fn local(&self, layout: &Layout, truth: &Nominal) -> States {
         let mut dx = [0.0; CAPACITY];
+        let held = log(&(truth.held_q_nb * self.held_q_nb.inverse()));
+        if let Some(range) = layout.range(HELD_HEADING) {
+            dx[range.start] = held.z;
+        }
+        if let Some(range) = layout.range(HELD_ATTITUDE) {
+            dx[range].copy_from_slice(held.as_slice());
+        }
+        let held = self::held(layout, &dx);
         let errors = [
             (POSITION, self.nav.position.offset_to(&truth.nav.position)),
             (VELOCITY, truth.nav.velocity_n - self.nav.velocity_n),
-            (ATTITUDE, log(&(truth.nav.q_nb * self.nav.q_nb.inverse()))),
+            (
+                ATTITUDE,
+                log(&(truth.nav.q_nb * self.nav.q_nb.inverse())) - held,
+            ),
             (
                 GYRO_BIAS,
                 truth.imu_errors.gyro_bias - self.imu_errors.gyro_bias,
@@ -153,13 +169,13 @@ impl Nominal {
         for (id, _, range) in layout.optional() {
             let (mine, theirs) = (self.optional_value(id), truth.optional_value(id));
             for (a, i) in range.enumerate() {
-                dx[i] = theirs[a] - mine[a];
+                dx[i] += theirs[a] - mine[a];
             }
         }
         dx
     }
 
-    /// The estimates of an optional block by its number in [`super::BLOCKS`]; zero for the held heading.
+    /// The estimates of an optional block by its number in [`super::BLOCKS`]; zero for what is held.
     pub(super) fn optional_value(&self, id: usize) -> [f64; 3] {
         let (e, c) = (&self.imu_errors, &self.calibration);
         match id {
@@ -187,4 +203,13 @@ impl Nominal {
         let now = *self;
         self.retract_optional(&now, layout, &shrink);
     }
+}
+
+/// The constant part of the attitude error, as a rotation in n; zero while nothing is held.
+fn held(layout: &Layout, dx: &States) -> Vector3<f64> {
+    if layout.len() == BASE {
+        return Vector3::zeros();
+    }
+    let heading = part(layout, dx, HELD_HEADING).map_or(0.0, |x| x[0]);
+    part(layout, dx, HELD_ATTITUDE).unwrap_or_default() + Vector3::z() * heading
 }

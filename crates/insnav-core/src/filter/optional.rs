@@ -1,6 +1,7 @@
 //! How the optional states change by themselves, and what they do to the motion.
 
 use super::dynamics::GaussMarkov;
+use super::held::mirror_held;
 use super::layout::{ACCEL_BIAS, ACCEL_SCALE, BLOCKS, Block, GYRO_BIAS, GYRO_SCALE, Layout};
 use super::transition::Transition;
 use crate::imu::ImuErrors;
@@ -78,10 +79,22 @@ pub fn fill_optional(
         phi.velocity
             .put(layout, ACCEL_BIAS, &minus_axes_by(&beyond_one(&accel)));
     }
+    mirror_held(&mut phi.velocity, layout);
+    mirror_held(&mut phi.attitude, layout);
+    fill_processes(phi, layout, interval.dt, processes);
+}
+
+/// Decay and noise of the optional blocks that are open over `dt` seconds.
+pub(super) fn fill_processes(
+    phi: &mut Transition,
+    layout: &Layout,
+    dt: f64,
+    processes: &Processes,
+) {
     for (id, _, range) in layout.optional() {
         let process = processes.0[id];
         for (i, sigma) in range.zip(process.sigma.iter()) {
-            let step = GaussMarkov::over(interval.dt, *sigma, process.tau);
+            let step = GaussMarkov::over(dt, *sigma, process.tau);
             (phi.decay[i], phi.noise[i]) = (step.decay, step.variance);
         }
     }

@@ -6,16 +6,24 @@ mod frozen;
 mod gnss_position;
 mod gnss_velocity;
 mod heading;
+mod held_heading;
 mod learnt_noise;
 mod nonholonomic;
+mod standing_means;
+mod zero_heading_rate;
+mod zero_velocity;
 
 pub use doubt::{Doubt, Vote};
 pub use frozen::{Frozen, Moving, Repetition};
 pub use gnss_position::{GnssPositionAid, GnssPositionModel};
 pub use gnss_velocity::{GnssVelocityAid, GnssVelocityModel, HorizontalVelocityModel};
 pub use heading::{HeadingAid, HeadingModel};
+pub use held_heading::{HeldAid, HeldAttitudeModel, HeldHeadingModel};
 pub use learnt_noise::{Evidence, LearntNoise};
 pub use nonholonomic::{LateralModel, NonholonomicAid, NonholonomicModel};
+pub use standing_means::{StandingForceModel, StandingRateModel};
+pub use zero_heading_rate::{ZeroHeadingRateAid, ZeroHeadingRateModel};
+pub use zero_velocity::{ZeroVelocityAid, ZeroVelocityModel};
 
 use nalgebra::Matrix3;
 

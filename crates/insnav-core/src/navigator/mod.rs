@@ -5,6 +5,8 @@
 
 mod horizon;
 mod optional_states;
+mod resting;
+mod standing;
 
 pub use horizon::HORIZON_CAPACITY;
 
@@ -19,12 +21,13 @@ use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, Nonholono
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
-use crate::stationary::{Belief, Evidence, GnssSpeed, StopDetector};
+use crate::stationary::{Belief, Evidence, GnssSpeed, StopDetector, StopEnd};
 use crate::time::Time;
 use horizon::{Horizon, NotTaken};
 use nalgebra::{Matrix3, Vector3};
 use optional_states::OptionalStates;
 use serde::{Deserialize, Serialize};
+use standing::Standing;
 
 /// So far ahead of the filter are stops looked for, s: motion is seen before the filter comes to it.
 const LOOK_AHEAD: f64 = 0.5;
@@ -78,6 +81,7 @@ pub struct Navigator {
     optional: OptionalStates,
     speed: GnssSpeed,
     detector: StopDetector,
+    standing: Standing,
 }
 
 /// Before and after the start.
@@ -144,6 +148,7 @@ impl Navigator {
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
             detector: StopDetector::new(&stationary, &noise),
+            standing: Standing::new(&stationary),
         })
     }
 
@@ -228,7 +233,10 @@ impl Navigator {
             let alignment = startup.align_with_what_there_is()?;
             self.begin(alignment, sink)?;
         }
-        let outcome = self.drain(true, sink);
+        let mut outcome = self.drain(true, sink);
+        if let Stage::Running(filter) = &mut self.stage {
+            outcome = outcome.and(self.standing.end(StopEnd::End, filter, sink));
+        }
         // A long gap shortly before the end leaves a start behind that may lack a position: the run before it stands.
         #[cfg(feature = "std")]
         if let Stage::Starting(startup) = &mut self.stage
@@ -339,9 +347,11 @@ impl Navigator {
                 from,
                 to: next.time(),
             });
+            let outcome = self.standing.end(StopEnd::Gap, filter, sink);
             self.start_afresh();
-            return Ok(());
+            return outcome;
         }
+        let mut failed = None;
         let mut rest = build(&mut self.builder, &next);
         // A start between two samples: what lies before it has no part in the run.
         let now = filter.nominal().nav.time;
@@ -355,18 +365,22 @@ impl Navigator {
                 from,
                 to: next.time(),
             });
+            failed = self.standing.end(StopEnd::Gap, filter, sink).err();
             filter.bridge(increment.dt, GAP_RATE_SIGMA, GAP_FORCE_SIGMA);
             if matches!(next, Sample::ImuIncrement(_)) {
                 rest = Some(held_over_gap(increment));
             }
         }
-        let mut failed = None;
+        let (motion, evidence) = (self.detector.motion(), self.detector.evidence());
+        let followed = self.standing.follow(motion, evidence, filter, sink);
+        failed = failed.or(followed.err());
         while let Some(aid) = self.horizon.pop_aiding() {
             if let Some(whole) = rest {
                 let (head, tail) = whole.split_at(aid.time());
-                filter.propagate(&head);
+                failed = failed.or(self.standing.propagate(&head, filter, sink).err());
                 rest = Some(tail);
             }
+            self.standing.catch_up(filter);
             let outcome = match &aid {
                 Sample::GnssPosition(fix) => {
                     let heard = self.speed.heard_at(fix.time);
@@ -374,6 +388,9 @@ impl Navigator {
                 }
                 Sample::GnssVelocity(fix) => {
                     self.speed.observe(fix);
+                    if self.standing.is_held() {
+                        continue;
+                    }
                     self.velocity.observe(fix, filter)
                 }
                 Sample::Heading(fix) => self.heading.observe(fix, filter),
@@ -398,11 +415,14 @@ impl Navigator {
         }
         self.horizon.pop();
         if let Some(increment) = rest {
-            filter.propagate(&increment);
+            failed = failed.or(self.standing.propagate(&increment, filter, sink).err());
         }
+        let observed = self.standing.observe(&Vector3::zeros(), filter, sink);
+        failed = failed.or(observed.err());
         if let Some(outcome) = self
             .nonholonomic
             .as_mut()
+            .filter(|_| !self.standing.is_held())
             .and_then(|aid| aid.observe(filter))
         {
             match outcome {
@@ -411,11 +431,11 @@ impl Navigator {
             }
         }
         if next.time() >= now && sink.wants_epoch(next.time()) {
-            let motion = match self.detector.motion() {
+            let motion = match self.standing.motion() {
                 Motion::Moving => self.speed.motion_at(next.time()),
                 standing => standing,
             };
-            let mut epoch = epoch(filter, motion, self.detector.evidence());
+            let mut epoch = epoch(filter, motion, evidence);
             let beyond = self.position.beyond_filter(filter.covariance().layout());
             let mut position = epoch.covariance.fixed_view_mut::<3, 3>(0, 0);
             position += beyond;
@@ -499,6 +519,6 @@ fn epoch(filter: &Eskf, motion: Motion, evidence: Evidence) -> Epoch {
         imu_errors: nominal.imu_errors,
         motion,
         evidence,
-        covariance: filter.covariance().dense(),
+        covariance: filter.base_covariance(),
     }
 }

@@ -1,0 +1,93 @@
+//! The body stands: it does not turn about the vertical (zero integrated heading rate).
+
+use crate::config::{HeadingRateGain, StationaryConfig};
+use crate::earth::earth_rate_n;
+use crate::error::Result;
+use crate::filter::{
+    ATTITUDE, Block, Columns, Eskf, GYRO_BIAS, Gate, Layout, Linearized, Measurement, Nominal,
+    Update,
+};
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{Matrix1, Matrix1x3, Vector1};
+use serde::{Deserialize, Serialize};
+
+/// Zero turn rate about Down: r = −(C ω − ω_ie)_D, rad/s, with the rate of the interval that the filter has just moved over.
+///
+/// The noise of that rate has gone into the attitude as well. With it accounted for (`Correlated`) the update undoes
+/// what the noise did to the heading, and is as good as a held heading; taken as independent (`Naive`) it holds the heading
+/// but believes that it has let it walk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZeroHeadingRateModel {
+    /// Standard deviation of the rate over the interval, rad/s.
+    pub sigma: f64,
+    /// Length of the interval, s.
+    pub dt: f64,
+    /// What the gain knows and moves.
+    pub gain: HeadingRateGain,
+}
+
+impl Measurement<1> for ZeroHeadingRateModel {
+    fn name(&self) -> &'static str {
+        "zero_heading_rate"
+    }
+
+    fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<1> {
+        let axes_n = at.nav.q_nb.to_rotation_matrix().into_inner();
+        let rate_n = axes_n * at.rate_b;
+        let mut h = Columns::default();
+        let down: Matrix1x3<f64> = axes_n.fixed_rows::<1>(2).into_owned();
+        at.put_rate(&mut h, layout, &down);
+        // (φ × ω)_D.
+        h.put(layout, ATTITUDE, &Matrix1x3::new(rate_n.y, -rate_n.x, 0.0));
+        let earth = earth_rate_n(at.nav.position.latitude);
+        Linearized {
+            residual: Vector1::new(earth.z - rate_n.z),
+            h,
+            r: Matrix1::new(self.sigma * self.sigma),
+        }
+    }
+
+    fn noise_in_states(&self, layout: &Layout) -> Option<Columns<1>> {
+        if self.gain != HeadingRateGain::Correlated {
+            return None;
+        }
+        // Both are −C n: once as it is, once over dt.
+        let mut cross = Columns::default();
+        cross.put_axis(layout, ATTITUDE, 2, [self.sigma * self.sigma * self.dt]);
+        Some(cross)
+    }
+
+    fn only(&self) -> Option<Block<3>> {
+        (self.gain == HeadingRateGain::BiasOnly).then_some(GYRO_BIAS)
+    }
+}
+
+/// When and how the zero rate is used: at every inertial sample of a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ZeroHeadingRateAid {
+    gain: HeadingRateGain,
+}
+
+impl ZeroHeadingRateAid {
+    /// From the settings.
+    pub fn new(config: &StationaryConfig) -> Self {
+        ZeroHeadingRateAid {
+            gain: config.heading_rate,
+        }
+    }
+
+    /// Tell the filter that the body did not turn over the last `dt` seconds.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn observe(&self, dt: f64, filter: &mut Eskf) -> Result<Update> {
+        let time = filter.nominal().nav.time;
+        let model = ZeroHeadingRateModel {
+            sigma: filter.noise().gyro_white / dt.sqrt(),
+            dt,
+            gain: self.gain,
+        };
+        filter.update(&model, time, &mut Gate::lenient())
+    }
+}

@@ -1,0 +1,223 @@
+//! Static mode: the body rests. Position and attitude are constants, the velocity is zero, and what the inertial unit measures
+//! shows its errors: means of a second are measurements, nothing is integrated.
+//!
+//! This is the limit of a held pose for a noise of zero (stochastic cloning of position and attitude), at the cost of two
+//! small updates a second. Should the body move all the same (somebody gets in), the gyros have been added up beside: that
+//! second is then taken back and the attitude follows them.
+
+use super::standing::told;
+use crate::config::StationaryConfig;
+use crate::earth::earth_rate_n;
+use crate::error::Result;
+use crate::filter::{Eskf, GYRO_BIAS, Gate, Settling, Update};
+use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
+use crate::mechanization::Increment;
+use crate::solution::Sink;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Length of the means, s.
+const MEAN: f64 = 1.0;
+/// What is left at the end of a stop counts as a mean from this length on, s.
+const SHORTEST: f64 = 0.05;
+/// So many means in a row that do not fit end the stop.
+const PATIENCE: u32 = 3;
+/// With a heading that is known no better, the Earth's rate does not tell the gyros' bias from the heading, rad.
+const VAGUE_HEADING: f64 = 0.2;
+/// Nothing is learnt from a measurement of so much more variance than the prediction.
+const MUTE: f64 = 1e12;
+
+/// Means, and how a body at rest moves.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Resting {
+    settling: Settling,
+    velocity_sigma: f64,
+    zero_velocity: ZeroVelocityAid,
+    sum: Sum,
+    /// By how much the errors lag behind the nav state, s.
+    behind: f64,
+    misfits: u32,
+    took_back: bool,
+}
+
+/// What the unit has measured since the last mean.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Sum {
+    rotation_b: Vector3<f64>,
+    velocity_b: Vector3<f64>,
+    dt: f64,
+}
+
+impl Resting {
+    pub(super) fn new(config: &StationaryConfig) -> Self {
+        Resting {
+            settling: Settling {
+                attitude: config.attitude_walk_deg_per_sqrt_hour.to_radians() / 60.0,
+                position: config.position_walk_m_per_sqrt_s,
+            },
+            velocity_sigma: config.velocity_sigma_m_per_s,
+            zero_velocity: ZeroVelocityAid::new(config),
+            sum: Sum::default(),
+            behind: 0.0,
+            misfits: 0,
+            took_back: false,
+        }
+    }
+
+    /// Come to rest: one zero velocity, from which everything learns; afterwards the velocity is zero by definition.
+    pub(super) fn enter(&mut self, filter: &mut Eskf) -> Result<Update> {
+        self.sum = Sum::default();
+        self.behind = 0.0;
+        self.misfits = 0;
+        // The weight of a velocity known to `velocity_sigma`.
+        let dt = self.zero_velocity.interval_for(self.velocity_sigma);
+        let update = self.zero_velocity.observe(dt, filter)?;
+        filter.forget_velocity(self.velocity_sigma);
+        let now = filter.nominal().nav.time;
+        filter.stay(now, 0.0, &self.settling);
+        Ok(update)
+    }
+
+    /// Pass over one raw increment: it is added up, nothing else.
+    pub(super) fn pass(&mut self, raw: &Increment, filter: &mut Eskf) {
+        self.sum.rotation_b += raw.rotation_b;
+        self.sum.velocity_b += raw.velocity_b;
+        self.sum.dt += raw.dt;
+        self.behind += raw.dt;
+        filter.stay(raw.time, 0.0, &self.settling);
+    }
+
+    /// Bring the errors up to the nav state.
+    pub(super) fn catch_up(&mut self, filter: &mut Eskf) {
+        let (now, dt) = (filter.nominal().nav.time, core::mem::take(&mut self.behind));
+        filter.stay(now, dt, &self.settling);
+    }
+
+    /// Once a second: what the means say.
+    pub(super) fn observe(
+        &mut self,
+        gyro_step: &Vector3<f64>,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        self.took_back = false;
+        if self.sum.dt < MEAN {
+            return Ok(());
+        }
+        self.use_means(gyro_step, filter, sink)
+    }
+
+    /// Whether the last mean was taken back, and the attitude turned instead.
+    pub(super) fn took_back(&self) -> bool {
+        self.took_back
+    }
+
+    /// Whether what was measured has not fitted a body at rest for some time.
+    pub(super) fn is_contradicted(&self) -> bool {
+        self.misfits >= PATIENCE
+    }
+
+    /// Rise: what was measured since the last mean is used, the velocity is what a body that starts may have.
+    pub(super) fn leave(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        self.catch_up(filter);
+        let outcome = if self.sum.dt >= SHORTEST {
+            self.use_means(&Vector3::zeros(), filter, sink)
+        } else {
+            Ok(())
+        };
+        filter.forget_velocity(self.velocity_sigma);
+        outcome
+    }
+
+    fn use_means(
+        &mut self,
+        gyro_step: &Vector3<f64>,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        self.catch_up(filter);
+        let sum = core::mem::take(&mut self.sum);
+        let (force, rate) = (
+            force_model(&sum, filter),
+            rate_model(&sum, gyro_step, filter),
+        );
+        let now = filter.nominal().nav.time;
+        let looks = [
+            filter.update(&force, now, &mut Gate::closed())?,
+            filter.update(&rate, now, &mut Gate::closed())?,
+        ];
+        let limit = Gate::default().limit[2];
+        if looks.iter().any(|look| look.nis > limit) {
+            self.misfits += 1;
+            self.took_back = true;
+            for look in &looks {
+                sink.update(look);
+            }
+            turn(&sum, filter);
+            return Ok(());
+        }
+        self.misfits = 0;
+        let mut gate = Gate::strict();
+        told(filter.update(&force, now, &mut gate), sink)
+            .and(told(filter.update(&rate, now, &mut gate), sink))
+    }
+}
+
+fn force_model(sum: &Sum, filter: &Eskf) -> StandingForceModel {
+    let white = filter.noise().accel_white;
+    StandingForceModel {
+        specific_force_b: sum.velocity_b / sum.dt,
+        variance: white * white / sum.dt,
+    }
+}
+
+/// The mean rate with its variance: white noise, and what does not average out.
+fn rate_model(sum: &Sum, gyro_step: &Vector3<f64>, filter: &Eskf) -> StandingRateModel {
+    let white = filter.noise().gyro_white;
+    let white = white * white / sum.dt;
+    let heading = filter.attitude_covariance_n()[(2, 2)];
+    let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
+    // A mean of coarse steps is off by as much as they are apart, uniformly, however long it is taken.
+    let mut lasting = gyro_step.map(|step| step * step / 12.0);
+    if !earth_rate_tells {
+        let nav = &filter.nominal().nav;
+        let horizontal = earth_rate_n(nav.position.latitude).x;
+        let down_b = nav.q_nb.inverse_transform_vector(&Vector3::z());
+        lasting += down_b.map(|d| 0.5 * horizontal * horizontal * (1.0 - d * d).max(0.0));
+    }
+    let known = filter
+        .covariance()
+        .block(GYRO_BIAS, GYRO_BIAS)
+        .unwrap_or_else(Matrix3::zeros);
+    StandingRateModel {
+        angular_rate_b: sum.rotation_b / sum.dt,
+        variance: Vector3::from_fn(|i, _| white + not_below(lasting[i], known[(i, i)])),
+        earth_rate_tells,
+    }
+}
+
+/// The variance of a measurement that brings a prior down to `lasting` at best, however often it is taken: an error that does
+/// not average out.
+fn not_below(lasting: f64, prior: f64) -> f64 {
+    if lasting <= 0.0 {
+        0.0
+    } else if prior <= lasting {
+        MUTE * lasting
+    } else {
+        lasting * prior / (prior - lasting)
+    }
+}
+
+/// The body did turn: follow the gyros over the time of the sum.
+fn turn(sum: &Sum, filter: &mut Eskf) {
+    let raw = Increment {
+        time: filter.nominal().nav.time,
+        dt: sum.dt,
+        rotation_b: sum.rotation_b,
+        velocity_b: sum.velocity_b,
+    };
+    let rotation_b = raw.corrected(&filter.nominal().imu_errors).rotation_b;
+    filter.turn(&rotation_b, sum.dt);
+}

@@ -1,0 +1,331 @@
+//! What the filter makes of a stop: the way in, what it is told meanwhile, the way out, and the record of it.
+
+use super::resting::Resting;
+use crate::attitude::{Euler, wrap_angle};
+use crate::config::{StationaryConfig, StationaryMode};
+use crate::error::Result;
+use crate::filter::{Eskf, GYRO_BIAS, Update};
+use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
+use crate::mechanization::Increment;
+use crate::solution::{Event, Motion, Sink};
+use crate::stationary::{Evidence, StopEnd, StopRecord};
+use crate::time::Time;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Zero velocities that do not fit over so long, s, end a stop.
+const MISFIT: f64 = 0.2;
+/// Mean NIS of three degrees of freedom that does not fit: one in a thousand for a single one.
+const MISFIT_NIS: f64 = 16.3;
+/// After a stop that what was measured contradicts, none is believed for so long, s.
+const DISTRUST: f64 = 3.0;
+
+/// Leads the filter through stops.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Standing {
+    config: StationaryConfig,
+    zero_velocity: ZeroVelocityAid,
+    zero_heading_rate: ZeroHeadingRateAid,
+    held: HeldAid,
+    resting: Resting,
+    stop: Option<Stop>,
+    distrusted_until: Option<Time>,
+}
+
+/// The stop that lasts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Stop {
+    mode: StationaryMode,
+    record: StopRecord,
+    /// Time since the last sample, s.
+    elapsed: f64,
+    misfit: Misfit,
+}
+
+/// NIS of zero velocities of late.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Misfit {
+    sum: f64,
+    count: u32,
+    time: f64,
+}
+
+impl Standing {
+    pub(super) fn new(config: &StationaryConfig) -> Self {
+        Standing {
+            config: *config,
+            zero_velocity: ZeroVelocityAid::new(config),
+            zero_heading_rate: ZeroHeadingRateAid::new(config),
+            held: HeldAid::new(config),
+            resting: Resting::new(config),
+            stop: None,
+            distrusted_until: None,
+        }
+    }
+
+    /// Since when the body stands, as far as the solution is concerned.
+    pub(super) fn motion(&self) -> Motion {
+        match &self.stop {
+            Some(stop) => Motion::Stationary {
+                since: stop.record.begin,
+            },
+            None => Motion::Moving,
+        }
+    }
+
+    /// Whether the filter is told that the body stands: GNSS velocities and the wheels' constraint then say nothing new.
+    pub(super) fn is_held(&self) -> bool {
+        self.stop
+            .as_ref()
+            .is_some_and(|stop| stop.mode != StationaryMode::Off)
+    }
+
+    /// Follow the detector, at the begin of an interval.
+    pub(super) fn follow(
+        &mut self,
+        detected: Motion,
+        evidence: Evidence,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let now = filter.nominal().nav.time;
+        match (detected, &self.stop) {
+            (Motion::Moving, Some(_)) => self.end(StopEnd::Motion, filter, sink),
+            (Motion::Stationary { since }, None)
+                if self.distrusted_until.is_none_or(|until| now >= until) =>
+            {
+                self.begin(since.min(now), evidence, filter, sink)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Enter a stop.
+    fn begin(
+        &mut self,
+        begin: Time,
+        evidence: Evidence,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let now = filter.nominal().nav.time;
+        sink.event(&Event::StopBegan {
+            begin,
+            held_from: now,
+            evidence,
+        });
+        let (before, sigma_before) = (heading(filter), heading_sigma(filter));
+        let mut mode = self.config.mode;
+        let mut outcome = Ok(());
+        let mut corrected = None;
+        match mode {
+            StationaryMode::Auto
+            | StationaryMode::Off
+            | StationaryMode::Zupt
+            | StationaryMode::Zihr => {}
+            StationaryMode::HeadingHold => outcome = filter.hold_heading(self.config.bookkeeping),
+            StationaryMode::AttitudeHold => outcome = filter.hold_attitude(),
+            StationaryMode::Static => match self.resting.enter(filter) {
+                Ok(update) => corrected = Some(update),
+                Err(error) => outcome = Err(error),
+            },
+        }
+        // Without room for another state the velocity is still zero.
+        if outcome.is_err() {
+            mode = StationaryMode::Zupt;
+        }
+        if let Some(update) = corrected {
+            sink.update(&update);
+        }
+        self.stop = Some(Stop {
+            mode,
+            record: StopRecord {
+                begin,
+                held_from: now,
+                end: now,
+                ended_by: StopEnd::End,
+                evidence,
+                heading_before: before,
+                sigma_heading_before: sigma_before,
+                heading_at_entry: wrap_angle(heading(filter) - before),
+                heading_growth: 0.0,
+                heading_corrections: 0.0,
+                heading_after: before,
+                sigma_heading_after: 0.0,
+                gyro_bias: Vector3::zeros(),
+                sigma_gyro_bias: Vector3::zeros(),
+                gyro_step: Vector3::zeros(),
+            },
+            elapsed: 0.0,
+            misfit: Misfit::default(),
+        });
+        outcome
+    }
+
+    /// Move over one raw increment.
+    pub(super) fn propagate(
+        &mut self,
+        raw: &Increment,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let Some(stop) = &mut self.stop else {
+            filter.propagate(raw);
+            return Ok(());
+        };
+        stop.elapsed += raw.dt;
+        let before = filter.nominal().nav.q_nb;
+        match stop.mode {
+            StationaryMode::Off => filter.propagate(raw),
+            StationaryMode::Static => self.resting.pass(raw, filter),
+            StationaryMode::Zupt | StationaryMode::HeadingHold | StationaryMode::AttitudeHold => {
+                filter.propagate_standing(raw, self.config.force);
+            }
+            StationaryMode::Zihr => filter.propagate_standing(raw, self.config.force),
+        }
+        stop.record.heading_growth += turn_about_down(&before, &filter.nominal().nav.q_nb);
+        if stop.mode == StationaryMode::Zihr && raw.dt > 0.0 {
+            // Before anything else is told: the noise that is in both has to be there still.
+            return told(self.zero_heading_rate.observe(raw.dt, filter), sink);
+        }
+        Ok(())
+    }
+
+    /// Before a measurement from outside: the errors are brought up to the instant.
+    pub(super) fn catch_up(&mut self, filter: &mut Eskf) {
+        if self
+            .stop
+            .as_ref()
+            .is_some_and(|stop| stop.mode == StationaryMode::Static)
+        {
+            self.resting.catch_up(filter);
+        }
+    }
+
+    /// At an inertial sample: what standing says. `gyro_step`: steps in which the gyros' values come where these are coarse.
+    pub(super) fn observe(
+        &mut self,
+        gyro_step: &Vector3<f64>,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let Some(stop) = &mut self.stop else {
+            return Ok(());
+        };
+        stop.record.gyro_step = stop.record.gyro_step.sup(gyro_step);
+        let dt = core::mem::take(&mut stop.elapsed);
+        if dt <= 0.0 {
+            return Ok(());
+        }
+        let mut outcome = Ok(());
+        let contradicted = match stop.mode {
+            StationaryMode::Off => false,
+            StationaryMode::Static => {
+                let before = filter.nominal().nav.q_nb;
+                outcome = self.resting.observe(gyro_step, filter, sink);
+                let followed = self.resting.took_back();
+                if followed {
+                    // The body did turn: that is growth, not correction.
+                    stop.record.heading_growth +=
+                        turn_about_down(&before, &filter.nominal().nav.q_nb);
+                }
+                self.resting.is_contradicted()
+            }
+            mode => {
+                let zero = self.zero_velocity.observe(dt, filter);
+                let misfit = zero
+                    .as_ref()
+                    .is_ok_and(|update| stop.misfit.takes(update.nis, dt));
+                outcome = told(zero, sink);
+                let held = match mode {
+                    StationaryMode::HeadingHold => Some(self.held.observe_heading(dt, filter)),
+                    StationaryMode::AttitudeHold => Some(self.held.observe_attitude(dt, filter)),
+                    _ => None,
+                };
+                if let Some(held) = held {
+                    outcome = outcome.and(told(held, sink));
+                }
+                misfit
+            }
+        };
+        if contradicted {
+            self.distrusted_until = Some(filter.nominal().nav.time.plus(DISTRUST));
+            outcome = outcome.and(self.end(StopEnd::Contradicted, filter, sink));
+        }
+        outcome
+    }
+
+    /// Leave the stop, if there is one.
+    pub(super) fn end(
+        &mut self,
+        ended_by: StopEnd,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let Some(stop) = self.stop.take() else {
+            return Ok(());
+        };
+        let outcome = match stop.mode {
+            StationaryMode::Static => self.resting.leave(filter, sink),
+            StationaryMode::HeadingHold => {
+                filter.release_heading(self.config.bookkeeping);
+                Ok(())
+            }
+            StationaryMode::AttitudeHold => {
+                filter.release_attitude();
+                Ok(())
+            }
+            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => Ok(()),
+        };
+        let (after, mut record) = (heading(filter), stop.record);
+        record.end = filter.nominal().nav.time;
+        record.ended_by = ended_by;
+        record.heading_corrections = wrap_angle(
+            after - record.heading_before - record.heading_at_entry - record.heading_growth,
+        );
+        record.heading_after = after;
+        record.sigma_heading_after = heading_sigma(filter);
+        record.gyro_bias = filter.nominal().imu_errors.gyro_bias;
+        if let Some(p) = filter.covariance().block(GYRO_BIAS, GYRO_BIAS) {
+            record.sigma_gyro_bias = p.diagonal().map(|v| v.max(0.0).sqrt());
+        }
+        sink.event(&Event::StopEnded(record));
+        outcome
+    }
+}
+
+impl Misfit {
+    /// Take a NIS; true when those of the last stretch do not fit.
+    fn takes(&mut self, nis: f64, dt: f64) -> bool {
+        self.sum += nis;
+        self.count += 1;
+        self.time += dt;
+        if self.time < MISFIT {
+            return false;
+        }
+        let mean = self.sum / f64::from(self.count);
+        *self = Misfit::default();
+        mean > MISFIT_NIS
+    }
+}
+
+/// Hand an update to the sink.
+pub(super) fn told(update: Result<Update>, sink: &mut impl Sink) -> Result<()> {
+    update.map(|update| sink.update(&update))
+}
+
+fn heading(filter: &Eskf) -> f64 {
+    Euler::from_quaternion(&filter.nominal().nav.q_nb).heading
+}
+
+fn heading_sigma(filter: &Eskf) -> f64 {
+    filter.attitude_covariance_n()[(2, 2)].max(0.0).sqrt()
+}
+
+/// The small rotation about Down that leads from one attitude to another, rad.
+fn turn_about_down(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> f64 {
+    let turn = to * from.inverse();
+    2.0 * turn.k * turn.w.signum()
+}
