@@ -175,7 +175,7 @@ fn late_aiding_within_the_horizon_changes_nothing() {
 fn what_comes_after_the_horizon_is_told_and_not_used() {
     let simulation = drive(10.0, 100.0, ImuOutput::Rates);
     let (late, others): (Vec<Sample>, Vec<Sample>) = simulation.samples.iter().partition(|s| {
-        matches!(s, Sample::GnssPosition(_)) && s.time() == simulation.trajectory.start().plus(4.0)
+        matches!(s, Sample::GnssPosition(_)) && s.time() == simulation.trajectory.start().plus(3.0)
     });
     let without = run(start(&simulation), &others);
     let mut record = Record::default();
@@ -190,10 +190,10 @@ fn what_comes_after_the_horizon_is_told_and_not_used() {
     }
     navigator.finish(&mut record).expect("good samples");
     assert_eq!(late.len(), 1);
-    // The tail is half a second behind the head.
+    // The tail is one second behind the head.
     let expected = Event::TooLate {
         time: late[0].time(),
-        filter: simulation.trajectory.start().plus(4.5),
+        filter: simulation.trajectory.start().plus(4.0),
     };
     assert_eq!(record.events, [expected]);
     assert_eq!(record.epochs, without.epochs);
@@ -362,13 +362,13 @@ fn a_backward_stamp_is_an_error_that_names_both_times_and_does_no_harm() {
             assert_eq!(
                 error,
                 Error::ImuBackward {
-                    previous: begin.plus(5.5),
+                    previous: begin.plus(5.0),
                     time: begin.plus(3.0)
                 }
             );
             let text = error.to_string();
             assert!(
-                text.contains(&begin.plus(5.5).to_string())
+                text.contains(&begin.plus(5.0).to_string())
                     && text.contains(&begin.plus(3.0).to_string()),
                 "{text}"
             );
