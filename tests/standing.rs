@@ -224,7 +224,7 @@ fn driven(seed: u64) -> (Eskf, Source) {
         .open(
             GNSS_COLOUR,
             Process {
-                sigma: 1.0,
+                sigma: Vector3::repeat(1.0),
                 tau: 30.0,
             },
         )

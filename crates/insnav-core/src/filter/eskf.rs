@@ -143,7 +143,9 @@ impl Eskf {
     /// # Errors
     /// `Capacity` when there is no room.
     pub fn open<const N: usize>(&mut self, block: Block<N>, process: Process) -> Result<()> {
-        let prior = SMatrix::from_diagonal(&SVector::from_fn(|i, _| process.sigma[i] * process.sigma[i]));
+        let prior = SMatrix::from_diagonal(&SVector::from_fn(|i, _| {
+            process.sigma[i] * process.sigma[i]
+        }));
         self.covariance.open(block, &prior)?;
         self.processes.set(block, process);
         Ok(())

@@ -34,7 +34,11 @@ impl OptionalStates {
             gyro_scale: ppm(config.imu.gyro_scale_sigma_ppm),
             accel_scale: ppm(config.imu.accel_scale_sigma_ppm),
             gnss_colour: config.gnss.colour.map(|c| Process {
-                sigma: Vector3::new(c.sigma_m, c.sigma_m, c.vertical_sigma_m.unwrap_or(c.sigma_m)),
+                sigma: Vector3::new(
+                    c.sigma_m,
+                    c.sigma_m,
+                    c.vertical_sigma_m.unwrap_or(c.sigma_m),
+                ),
                 tau: c.tau_s,
             }),
             lever_arm: config.gnss.lever_arm_sigma_m.map(Process::constant),

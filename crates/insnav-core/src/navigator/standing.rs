@@ -121,13 +121,10 @@ impl Standing {
         let mut outcome = Ok(());
         let mut corrected = None;
         match mode {
-            StationaryMode::Auto
-            | StationaryMode::Off
-            | StationaryMode::Zupt
-            | StationaryMode::Zihr => {}
+            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => {}
             StationaryMode::HeadingHold => outcome = filter.hold_heading(self.config.bookkeeping),
             StationaryMode::AttitudeHold => outcome = filter.hold_attitude(),
-            StationaryMode::Static => match self.resting.enter(filter) {
+            StationaryMode::Auto | StationaryMode::Static => match self.resting.enter(filter) {
                 Ok(update) => corrected = Some(update),
                 Err(error) => outcome = Err(error),
             },
@@ -179,7 +176,7 @@ impl Standing {
         let before = filter.nominal().nav.q_nb;
         match stop.mode {
             StationaryMode::Off => filter.propagate(raw),
-            StationaryMode::Static => self.resting.pass(raw, filter),
+            StationaryMode::Auto | StationaryMode::Static => self.resting.pass(raw, filter),
             StationaryMode::Zupt | StationaryMode::HeadingHold | StationaryMode::AttitudeHold => {
                 filter.propagate_standing(raw, self.config.force);
             }
@@ -198,7 +195,7 @@ impl Standing {
         if self
             .stop
             .as_ref()
-            .is_some_and(|stop| stop.mode == StationaryMode::Static)
+            .is_some_and(|stop| matches!(stop.mode, StationaryMode::Auto | StationaryMode::Static))
         {
             self.resting.catch_up(filter);
         }
@@ -222,7 +219,7 @@ impl Standing {
         let mut outcome = Ok(());
         let contradicted = match stop.mode {
             StationaryMode::Off => false,
-            StationaryMode::Static => {
+            StationaryMode::Auto | StationaryMode::Static => {
                 let before = filter.nominal().nav.q_nb;
                 outcome = self.resting.observe(gyro_step, filter, sink);
                 let followed = self.resting.took_back();
@@ -268,7 +265,7 @@ impl Standing {
             return Ok(());
         };
         let outcome = match stop.mode {
-            StationaryMode::Static => self.resting.leave(filter, sink),
+            StationaryMode::Auto | StationaryMode::Static => self.resting.leave(filter, sink),
             StationaryMode::HeadingHold => {
                 filter.release_heading(self.config.bookkeeping);
                 Ok(())
