@@ -2,6 +2,7 @@
 
 use super::{VehicleKind, check};
 use crate::error::{Error, Result};
+use crate::imu::ImuNoise;
 use core::fmt;
 use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -295,6 +296,17 @@ impl StationaryConfig {
         self.entry_s
             .get_or_insert(if composite { 0.5 } else { 0.0 });
         self
+    }
+
+    /// The noise of a unit at rest, where that under way is `noise`.
+    pub fn noise_at_rest(&self, noise: &ImuNoise) -> ImuNoise {
+        let gyro = self.gyro_arw_deg_per_sqrt_hour;
+        let accel = self.accel_vrw_m_per_s_per_sqrt_hour;
+        ImuNoise {
+            gyro_white: gyro.map_or(noise.gyro_white, |x| x.to_radians() / 60.0),
+            accel_white: accel.map_or(noise.accel_white, |x| x / 60.0),
+            ..*noise
+        }
     }
 
     pub(super) fn validate(&self) -> Result<()> {

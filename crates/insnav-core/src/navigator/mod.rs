@@ -148,7 +148,7 @@ impl Navigator {
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
             detector: StopDetector::new(&stationary, &noise),
-            standing: Standing::new(&stationary),
+            standing: Standing::new(&stationary, &noise),
         })
     }
 

@@ -10,6 +10,7 @@ use crate::config::StationaryConfig;
 use crate::earth::earth_rate_n;
 use crate::error::Result;
 use crate::filter::{Eskf, GYRO_BIAS, Gate, Settling, Update};
+use crate::imu::ImuNoise;
 use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::Sink;
@@ -35,6 +36,9 @@ pub(super) struct Resting {
     settling: Settling,
     velocity_sigma: f64,
     zero_velocity: ZeroVelocityAid,
+    /// White noise of gyros and accelerometers at rest: vibration under way is in neither mean.
+    gyro_white: f64,
+    accel_white: f64,
     sum: Sum,
     /// By how much the errors lag behind the nav state, s.
     behind: f64,
@@ -51,8 +55,11 @@ struct Sum {
 }
 
 impl Resting {
-    pub(super) fn new(config: &StationaryConfig) -> Self {
+    pub(super) fn new(config: &StationaryConfig, noise: &ImuNoise) -> Self {
+        let at_rest = config.noise_at_rest(noise);
         Resting {
+            gyro_white: at_rest.gyro_white,
+            accel_white: at_rest.accel_white,
             settling: Settling {
                 attitude: config.attitude_walk_deg_per_sqrt_hour.to_radians() / 60.0,
                 position: config.position_walk_m_per_sqrt_s,
@@ -140,8 +147,8 @@ impl Resting {
         self.catch_up(filter);
         let sum = core::mem::take(&mut self.sum);
         let (force, rate) = (
-            force_model(&sum, filter),
-            rate_model(&sum, gyro_step, filter),
+            self.force_model(&sum),
+            self.rate_model(&sum, gyro_step, filter),
         );
         let now = filter.nominal().nav.time;
         let looks = [
@@ -163,38 +170,36 @@ impl Resting {
         told(filter.update(&force, now, &mut gate), sink)
             .and(told(filter.update(&rate, now, &mut gate), sink))
     }
-}
 
-fn force_model(sum: &Sum, filter: &Eskf) -> StandingForceModel {
-    let white = filter.noise().accel_white;
-    StandingForceModel {
-        specific_force_b: sum.velocity_b / sum.dt,
-        variance: white * white / sum.dt,
+    fn force_model(&self, sum: &Sum) -> StandingForceModel {
+        StandingForceModel {
+            specific_force_b: sum.velocity_b / sum.dt,
+            variance: self.accel_white * self.accel_white / sum.dt,
+        }
     }
-}
 
-/// The mean rate with its variance: white noise, and what does not average out.
-fn rate_model(sum: &Sum, gyro_step: &Vector3<f64>, filter: &Eskf) -> StandingRateModel {
-    let white = filter.noise().gyro_white;
-    let white = white * white / sum.dt;
-    let heading = filter.attitude_covariance_n()[(2, 2)];
-    let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
-    // A mean of coarse steps is off by as much as they are apart, uniformly, however long it is taken.
-    let mut lasting = gyro_step.map(|step| step * step / 12.0);
-    if !earth_rate_tells {
-        let nav = &filter.nominal().nav;
-        let horizontal = earth_rate_n(nav.position.latitude).x;
-        let down_b = nav.q_nb.inverse_transform_vector(&Vector3::z());
-        lasting += down_b.map(|d| 0.5 * horizontal * horizontal * (1.0 - d * d).max(0.0));
-    }
-    let known = filter
-        .covariance()
-        .block(GYRO_BIAS, GYRO_BIAS)
-        .unwrap_or_else(Matrix3::zeros);
-    StandingRateModel {
-        angular_rate_b: sum.rotation_b / sum.dt,
-        variance: Vector3::from_fn(|i, _| white + not_below(lasting[i], known[(i, i)])),
-        earth_rate_tells,
+    /// The mean rate with its variance: white noise, and what does not average out.
+    fn rate_model(&self, sum: &Sum, gyro_step: &Vector3<f64>, filter: &Eskf) -> StandingRateModel {
+        let white = self.gyro_white * self.gyro_white / sum.dt;
+        let heading = filter.attitude_covariance_n()[(2, 2)];
+        let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
+        // A mean of coarse steps is off by as much as they are apart, uniformly, however long it is taken.
+        let mut lasting = gyro_step.map(|step| step * step / 12.0);
+        if !earth_rate_tells {
+            let nav = &filter.nominal().nav;
+            let horizontal = earth_rate_n(nav.position.latitude).x;
+            let down_b = nav.q_nb.inverse_transform_vector(&Vector3::z());
+            lasting += down_b.map(|d| 0.5 * horizontal * horizontal * (1.0 - d * d).max(0.0));
+        }
+        let known = filter
+            .covariance()
+            .block(GYRO_BIAS, GYRO_BIAS)
+            .unwrap_or_else(Matrix3::zeros);
+        StandingRateModel {
+            angular_rate_b: sum.rotation_b / sum.dt,
+            variance: Vector3::from_fn(|i, _| white + not_below(lasting[i], known[(i, i)])),
+            earth_rate_tells,
+        }
     }
 }
 

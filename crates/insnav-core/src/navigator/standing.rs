@@ -5,6 +5,7 @@ use crate::attitude::{Euler, wrap_angle};
 use crate::config::{StationaryConfig, StationaryMode};
 use crate::error::Result;
 use crate::filter::{Eskf, GYRO_BIAS, Update};
+use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::{Event, Motion, Sink};
@@ -53,13 +54,13 @@ struct Misfit {
 }
 
 impl Standing {
-    pub(super) fn new(config: &StationaryConfig) -> Self {
+    pub(super) fn new(config: &StationaryConfig, noise: &ImuNoise) -> Self {
         Standing {
             config: *config,
             zero_velocity: ZeroVelocityAid::new(config),
             zero_heading_rate: ZeroHeadingRateAid::new(config),
             held: HeldAid::new(config),
-            resting: Resting::new(config),
+            resting: Resting::new(config, noise),
             stop: None,
             distrusted_until: None,
         }
