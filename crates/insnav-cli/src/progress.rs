@@ -63,7 +63,12 @@ const STEP: u64 = 4096;
 
 impl<'a> Watched<'a> {
     pub(crate) fn new(log: &'a Log) -> Self {
-        let roles = [Role::Imu, Role::GnssPosition, Role::GnssVelocity];
+        let roles = [
+            Role::Imu,
+            Role::GnssPosition,
+            Role::GnssVelocity,
+            Role::Standing,
+        ];
         let topics = roles.iter().filter_map(|r| log.selected().topic(*r));
         Watched {
             log,
@@ -134,6 +139,10 @@ impl Source for Watched<'_> {
 
     fn lever_arm_b(&self) -> Result<Option<Vector3<f64>>, RunError> {
         Source::lever_arm_b(self.log)
+    }
+
+    fn standing_topic(&self) -> Option<String> {
+        Source::standing_topic(self.log)
     }
 
     fn mounting(&self) -> Result<Option<Mounting>, RunError> {

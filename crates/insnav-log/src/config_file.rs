@@ -1,6 +1,8 @@
 //! Settings from TOML: one schema for the command line and Python, unknown keys refused by name.
 
+use crate::log::ReadOptions;
 use crate::topic_map::TopicMap;
+use crate::topics::Role;
 use insnav_core::config::Config;
 use serde::de::{self, Deserialize, DeserializeSeed, MapAccess, Visitor, value::SeqDeserializer};
 use std::fmt;
@@ -112,14 +114,10 @@ pub fn parse_config(
     origin: &str,
     assignments: &[String],
 ) -> Result<Config, ConfigError> {
-    let mut table: toml::Table =
-        text.parse()
-            .map_err(|e: toml::de::Error| ConfigError::Syntax {
-                origin: origin.into(),
-                message: e.to_string(),
-            })?;
-    // Maps of messages are for the reader of logs: see `load_maps`.
+    let mut table = parse_table(text, origin)?;
+    // These are for the reader of logs: see `LogSettings`.
     table.remove("map");
+    take_standing_topic(&mut table, origin)?;
     // The file alone first, so that its errors carry its name.
     let config: Config = read(table.clone(), origin)?;
     if assignments.is_empty() {
@@ -128,26 +126,105 @@ pub fn parse_config(
     for text in assignments {
         assign(&mut table, text)?;
     }
-    read(table, &format!("--set {}", assignments.join(" --set ")))
+    let origin = origin_of(assignments);
+    take_standing_topic(&mut table, &origin)?;
+    read(table, &origin)
 }
 
-/// The maps of messages (`[[map]]`, see [`TopicMap`]) in a file of settings.
-pub fn load_maps(file: &Path) -> Result<Vec<TopicMap>, ConfigError> {
-    let text = std::fs::read_to_string(file).map_err(|source| ConfigError::Read {
-        path: file.into(),
-        source,
-    })?;
-    parse_maps(&text, &file.display().to_string())
+/// What errors call the assignments.
+fn origin_of(assignments: &[String]) -> String {
+    format!("--set {}", assignments.join(" --set "))
+}
+
+/// What settings say to the reader of logs: text, which the navigator's own settings have none of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LogSettings {
+    /// Maps of messages (`[[map]]`, see [`TopicMap`]).
+    pub maps: Vec<TopicMap>,
+    /// The topic that declares standing (`stationary.topic`).
+    pub standing_topic: Option<String>,
+}
+
+impl LogSettings {
+    /// From a file (if any) and assignments `section.key=value` over it.
+    pub fn load(file: Option<&Path>, assignments: &[String]) -> Result<Self, ConfigError> {
+        let text = match file {
+            None => String::new(),
+            Some(path) => std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+                path: path.into(),
+                source,
+            })?,
+        };
+        let origin = file.map_or_else(|| "--set".to_owned(), |p| p.display().to_string());
+        Self::parse(&text, &origin, assignments)
+    }
+
+    /// From TOML text and assignments over it. `origin` names the text in errors.
+    pub fn parse(text: &str, origin: &str, assignments: &[String]) -> Result<Self, ConfigError> {
+        let maps = parse_maps(text, origin)?;
+        let mut table = parse_table(text, origin)?;
+        let mut standing_topic = take_standing_topic(&mut table, origin)?;
+        let mut over = toml::Table::new();
+        for text in assignments {
+            // Of the other assignments `parse_config` judges.
+            if text.split('=').next().unwrap_or_default().trim() == STANDING_TOPIC {
+                assign(&mut over, text)?;
+            }
+        }
+        if !over.is_empty() {
+            standing_topic = take_standing_topic(&mut over, &origin_of(assignments))?;
+        }
+        Ok(LogSettings {
+            maps,
+            standing_topic,
+        })
+    }
+
+    /// Added to options of reading; a topic that they name already goes first.
+    #[must_use]
+    pub fn over(self, mut options: ReadOptions) -> ReadOptions {
+        options.maps.extend(self.maps);
+        let named = options.topics.iter().any(|(r, _)| *r == Role::Standing);
+        if let Some(topic) = self.standing_topic.filter(|_| !named) {
+            options.topics.push((Role::Standing, topic));
+        }
+        options
+    }
+}
+
+/// The one key of a section of the navigator that is not its own.
+const STANDING_TOPIC: &str = "stationary.topic";
+
+/// Take the topic out of the section that the navigator reads.
+fn take_standing_topic(
+    table: &mut toml::Table,
+    origin: &str,
+) -> Result<Option<String>, ConfigError> {
+    let section = table
+        .get_mut("stationary")
+        .and_then(toml::Value::as_table_mut);
+    match section.and_then(|section| section.remove("topic")) {
+        None => Ok(None),
+        Some(toml::Value::String(topic)) => Ok(Some(topic)),
+        Some(other) => Err(ConfigError::Value {
+            origin: origin.into(),
+            key: STANDING_TOPIC.into(),
+            message: format!("{other} is no name of a topic, such as \"/vehicle/standing\""),
+        }),
+    }
+}
+
+fn parse_table(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
+    text.parse()
+        .map_err(|e: toml::de::Error| ConfigError::Syntax {
+            origin: origin.into(),
+            message: e.to_string(),
+        })
 }
 
 /// The maps of messages in the TOML text of settings. `origin` names the text in errors.
 pub fn parse_maps(text: &str, origin: &str) -> Result<Vec<TopicMap>, ConfigError> {
-    let mut table: toml::Table =
-        text.parse()
-            .map_err(|e: toml::de::Error| ConfigError::Syntax {
-                origin: origin.into(),
-                message: e.to_string(),
-            })?;
+    let mut table = parse_table(text, origin)?;
     let wrong = |key: &str, message: &str| ConfigError::Value {
         origin: origin.into(),
         key: key.into(),
@@ -182,18 +259,28 @@ pub fn config_text(config: &Config) -> String {
     )
 }
 
+/// As [`config_text`], with the topic that declares standing.
+pub fn config_text_with(config: &Config, standing_topic: Option<&str>) -> String {
+    let text = config_text(config);
+    match standing_topic {
+        None => text,
+        Some(topic) => {
+            let topic = toml::Value::String(topic.to_owned());
+            text.replacen(
+                "[stationary]\n",
+                &format!("[stationary]\ntopic = {topic}\n"),
+                1,
+            )
+        }
+    }
+}
+
 /// Any table of settings from TOML text. `origin` names the text in errors.
 pub(crate) fn read_table<T: serde::de::DeserializeOwned>(
     text: &str,
     origin: &str,
 ) -> Result<T, ConfigError> {
-    let table: toml::Table = text
-        .parse()
-        .map_err(|e: toml::de::Error| ConfigError::Syntax {
-            origin: origin.into(),
-            message: e.to_string(),
-        })?;
-    read(table, origin)
+    read(parse_table(text, origin)?, origin)
 }
 
 fn read<T: serde::de::DeserializeOwned>(
@@ -266,6 +353,8 @@ impl Fault {
                         .join(".")
                 };
                 let name = &self.path[self.path.len() - 1];
+                let own = (section == ["stationary"]).then_some(&"topic");
+                let names: Vec<&str> = names.iter().chain(own).copied().collect();
                 let nearest = names
                     .iter()
                     .map(|known| (distance(name, known), known))
@@ -500,6 +589,55 @@ mod tests {
         assert!(twice.to_string().contains("map of /x already"), "{twice}");
         assert!(parse_maps("map = 3", "x").is_err());
         assert_eq!(parse_maps("", "x").unwrap(), []);
+    }
+
+    #[test]
+    fn the_topic_of_standing_is_for_the_reader() {
+        let text = "[stationary]\nmode = \"zupt\"\ntopic = \"/brake\"\nintervals_s = [[1, 2.5]]\n";
+        let c = parse(text, &["stationary.topic=/wheels"]).unwrap();
+        assert_eq!(c.stationary.intervals_s.as_slice(), [[1.0, 2.5]]);
+        let topic = |set: &[&str]| {
+            let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+            LogSettings::parse(text, "car.toml", &set).map(|s| s.standing_topic)
+        };
+        assert_eq!(topic(&[]).unwrap().as_deref(), Some("/brake"));
+        let set = ["gnss.sigma_scale=2", "stationary.topic = /wheels"];
+        assert_eq!(topic(&set).unwrap().as_deref(), Some("/wheels"));
+        let e = topic(&["stationary.topic=3"]).unwrap_err();
+        assert!(
+            e.to_string()
+                .contains("--set stationary.topic=3: `stationary.topic`: 3 is no name"),
+            "{e}"
+        );
+        let e = parse("[stationary]\ntopics = 1", &[]).unwrap_err();
+        assert_eq!(e.remedy(), "did you mean `stationary.topic`?");
+        let again = config_text_with(&c, Some("/b\"c"));
+        assert_eq!(parse(&again, &[]).unwrap(), c);
+        let back = LogSettings::parse(&again, "x", &[]).unwrap();
+        assert_eq!(back.standing_topic.as_deref(), Some("/b\"c"));
+        // Without a name of its own in the options only.
+        let named = ReadOptions {
+            topics: vec![(Role::Standing, "none".into())],
+            ..ReadOptions::default()
+        };
+        assert_eq!(back.clone().over(named.clone()).topics, named.topics);
+        let topics = back.over(ReadOptions::default()).topics;
+        assert_eq!(topics, [(Role::Standing, "/b\"c".into())]);
+    }
+
+    #[test]
+    fn intervals_and_modes_are_refused_by_name() {
+        for (text, says) in [
+            ("mode = \"zup\"", "`stationary.mode`"),
+            ("intervals_s = [40, 200]", "`stationary.intervals_s`"),
+            ("intervals_s = [[40]]", "`stationary.intervals_s`"),
+            ("intervals_s = \"40:200\"", "`stationary.intervals_s`"),
+        ] {
+            let e = parse(&format!("[stationary]\n{text}"), &[]).unwrap_err();
+            assert!(e.to_string().contains(says), "{e}");
+        }
+        let e = parse("[stationary]\nwindow = 2", &[]).unwrap_err();
+        assert_eq!(e.remedy(), "did you mean `stationary.window_s`?");
     }
 
     #[test]

@@ -4,8 +4,8 @@ use crate::cdr::CdrReader;
 use crate::device;
 use crate::message::MessageKind;
 use crate::ros2::{
-    CovarianceType, Decode, Header, Imu, NavSatFix, Odometry, Transforms, TwistStamped,
-    TwistWithCovarianceStamped,
+    Bool, CovarianceType, Decode, Float32, Float64, Header, Imu, NavSatFix, Odometry, Transforms,
+    TwistStamped, TwistWithCovarianceStamped,
 };
 use crate::topic_map::TopicMap;
 use crate::velocity_axes::VelocityAxes;
@@ -24,6 +24,8 @@ pub(crate) enum Stamp {
     Host(Time),
     /// A clock of the sensor's own: time since its power-on, or a receiver's time.
     Own(Time),
+    /// Messages of this type have none: the log time it is.
+    Absent,
 }
 
 /// What a message says, in SI (angles of a position in degrees).
@@ -35,6 +37,7 @@ pub(crate) struct Content<'a> {
     pub(crate) position: Option<Fix>,
     pub(crate) velocity: Option<Velocity>,
     pub(crate) heading: Option<NorthHeading>,
+    pub(crate) standing: Option<Declared>,
 }
 
 impl<'a> Content<'a> {
@@ -48,6 +51,7 @@ impl<'a> Content<'a> {
             position: None,
             velocity: None,
             heading: None,
+            standing: None,
         }
     }
 }
@@ -116,8 +120,17 @@ pub(crate) struct NorthHeading {
     pub(crate) sigma: f64,
 }
 
+/// What somebody says about standing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Declared {
+    /// Whether the body stands.
+    Standing(bool),
+    /// How fast the wheels turn, m/s.
+    Speed(f64),
+}
+
 impl Content<'_> {
-    /// Whether rates, velocity and heading are numbers; a position is judged where it is taken.
+    /// Whether rates, velocity, heading and speed are numbers; a position is judged where it is taken.
     pub(crate) fn is_finite(&self) -> bool {
         let rates = self.rates.as_ref();
         let velocity = self.velocity.as_ref();
@@ -125,6 +138,7 @@ impl Content<'_> {
         rates.is_none_or(|r| (r.angular_rate.sum() + r.specific_force.sum()).is_finite())
             && velocity.is_none_or(|v| (v.enu.x + v.enu.y).is_finite())
             && heading.is_none_or(|h| (h.heading + h.sigma).is_finite())
+            && !matches!(self.standing, Some(Declared::Speed(v)) if !v.is_finite())
     }
 }
 
@@ -220,14 +234,28 @@ impl MessageReader {
             MessageKind::NavSatFix => nav_sat_fix(&self.decode(message)?),
             MessageKind::TwistStamped => {
                 let twist: TwistStamped<'_> = self.decode(message)?;
-                velocity(twist.header, twist.twist.linear, None)
+                Content {
+                    standing: Some(speed(&twist.twist.linear)),
+                    ..velocity(twist.header, twist.twist.linear, None)
+                }
             }
             MessageKind::TwistWithCovarianceStamped => {
                 let twist: TwistWithCovarianceStamped<'_> = self.decode(message)?;
                 let covariance = covariance_block(&twist.covariance);
                 velocity(twist.header, twist.twist.linear, covariance)
             }
-            MessageKind::Odometry => other(self.decode::<Odometry<'_>>(message)?.header),
+            MessageKind::Odometry => {
+                let odometry: Odometry<'_> = self.decode(message)?;
+                Content {
+                    standing: Some(speed(&odometry.twist.linear)),
+                    ..other(odometry.header)
+                }
+            }
+            MessageKind::Bool => declared(Declared::Standing(self.decode::<Bool>(message)?.0)),
+            MessageKind::Float32 => {
+                declared(Declared::Speed(self.decode::<Float32>(message)?.0.into()))
+            }
+            MessageKind::Float64 => declared(Declared::Speed(self.decode::<Float64>(message)?.0)),
             MessageKind::Stamped => other(self.decode::<Stamped<'_>>(message)?.0),
             MessageKind::Transforms => {
                 let transforms: Transforms<'_> = self.decode(message)?;
@@ -258,6 +286,19 @@ impl<'a> Decode<'a> for Stamped<'a> {
 
 fn other(header: Header<'_>) -> Content<'_> {
     Content::empty(Stamp::Host(header.stamp), header.frame_id)
+}
+
+/// A message of one value, which has no header.
+fn declared<'a>(what: Declared) -> Content<'a> {
+    Content {
+        standing: Some(what),
+        ..Content::empty(Stamp::Absent, "")
+    }
+}
+
+/// What wheels do along the ground: forward, and sideways where they can.
+fn speed(linear: &Vector3<f64>) -> Declared {
+    Declared::Speed(linear.x.hypot(linear.y))
 }
 
 #[inline]

@@ -9,6 +9,7 @@ use crate::log::{ImuAxes, Log};
 use crate::log_writer::{LogWriter, LogWriterOptions};
 use crate::run::Warning;
 use crate::solution::SolutionTable;
+use crate::topics::Role;
 use crate::tum::Trajectory;
 use insnav_core::earth::Geodetic;
 use insnav_core::sample::{ImuSample, Sample};
@@ -223,8 +224,10 @@ pub fn mcap_to_csv(log: &Log, folder: &Path, force: bool) -> Result<ConvertSumma
         csv::write_gnss(&path, &gnss, force)?;
         summary.outputs.push(path);
     }
-    let selected: Vec<usize> = crate::topics::Role::ALL
+    // The tables have no column for who stands.
+    let selected: Vec<usize> = Role::ALL
         .iter()
+        .filter(|role| **role != Role::Standing)
         .filter_map(|role| log.selected().topic(*role))
         .collect();
     let others = log

@@ -380,7 +380,12 @@ impl LogError {
             LogError::UnknownTopic { .. } => "take one of the names listed, with its leading slash".into(),
             LogError::WrongType { role, .. } => {
                 let kinds: Vec<_> = role.kinds().iter().map(ToString::to_string).collect();
-                format!("this role needs {}, in CDR, ROS 1 or JSON", kinds.join(" or "))
+                let own = if *role == Role::Standing {
+                    "; of messages of other types a `[[map]]` in the settings tells `standing` or `speed_m_per_s`"
+                } else {
+                    ""
+                };
+                format!("this role needs {}, in CDR, ROS 1 or JSON{own}", kinds.join(" or "))
             }
             LogError::NotUnderstood { .. } => "choose another topic, or record it with its definition (ros2msg)".into(),
             LogError::NotMapped { fields, .. } if fields.is_empty() => "check the encoding of the topic".into(),

@@ -48,7 +48,9 @@ mod velocity_axes;
 pub mod wire;
 
 pub use compared::{ComparedReference, ComparedSolution};
-pub use config_file::{ConfigError, config_text, load_config, load_maps, parse_config, parse_maps};
+pub use config_file::{
+    ConfigError, LogSettings, config_text, config_text_with, load_config, parse_config, parse_maps,
+};
 pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;
 pub use export::{ExportFormat, export};

@@ -339,6 +339,13 @@ impl Log {
         Ok(())
     }
 
+    /// The topic that declares standing, where one is taken and no map of the settings names it already.
+    pub(crate) fn standing_topic(&self) -> Option<&str> {
+        let index = self.selection.topic(Role::Standing)?;
+        let topic = &self.topics[index];
+        (topic.kind != Some(MessageKind::Mapped)).then_some(&*topic.name)
+    }
+
     /// The user's map of a topic.
     fn map_of(&self, topic: usize) -> Option<&TopicMap> {
         let name = &self.topics[topic].name;

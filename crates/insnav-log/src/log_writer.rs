@@ -5,7 +5,8 @@ use crate::frames::{ENU_NED, FLU_FRD};
 use crate::log::{METADATA_NAME, METADATA_T0};
 use crate::mcap_writer::{ChannelHandle, Compression, McapWriter};
 use crate::ros2::{
-    Header, Imu, NavSatFix, TfMessage, TransformStamped, Twist, TwistWithCovarianceStamped,
+    Bool, Float64, Header, Imu, NavSatFix, TfMessage, TransformStamped, Twist,
+    TwistWithCovarianceStamped,
 };
 use crate::sink::fix_message;
 use insnav_core::sample::Sample;
@@ -27,6 +28,10 @@ pub struct LogWriterOptions {
     pub fix_topic: String,
     /// Topic of GNSS velocities.
     pub velocity_topic: String,
+    /// Topic of declarations of standing.
+    pub standing_topic: String,
+    /// Topic of the speed of wheels.
+    pub speed_topic: String,
     /// The instant from which `*_s` counts, stored as metadata.
     pub t0: Option<Time>,
     /// Antenna from the IMU, forward-right-down, m, written as a static transform.
@@ -43,6 +48,8 @@ impl Default for LogWriterOptions {
             imu_topic: "/imu/data".into(),
             fix_topic: "/gps/fix".into(),
             velocity_topic: "/gps/vel".into(),
+            standing_topic: "/vehicle/standing".into(),
+            speed_topic: "/vehicle/speed".into(),
             t0: None,
             lever_arm_b: None,
             metadata: BTreeMap::new(),
@@ -53,7 +60,8 @@ impl Default for LogWriterOptions {
 const IMU_FRAME: &str = "imu_link";
 const GNSS_FRAME: &str = "gps";
 
-/// Writes samples as `Imu`, `NavSatFix` and `TwistWithCovarianceStamped` in the axes that ROS prescribes.
+/// Writes samples as `Imu`, `NavSatFix` and `TwistWithCovarianceStamped` in the axes that ROS prescribes, standstills as `Bool`
+/// and speeds of wheels as `Float64`: the stamps of these two are the log times.
 ///
 /// Topics appear with their first sample. Dropped without [`LogWriter::finish`], it leaves no file.
 pub struct LogWriter {
@@ -63,6 +71,8 @@ pub struct LogWriter {
     imu: Option<ChannelHandle>,
     fix: Option<ChannelHandle>,
     velocity: Option<ChannelHandle>,
+    standing: Option<ChannelHandle>,
+    speed: Option<ChannelHandle>,
     first: Option<Time>,
 }
 
@@ -77,6 +87,8 @@ impl LogWriter {
             imu: None,
             fix: None,
             velocity: None,
+            standing: None,
+            speed: None,
             first: None,
         })
     }
@@ -181,11 +193,24 @@ impl LogWriter {
                 what: "a heading",
                 reason: "there is no standard message for it",
             }),
-            Sample::Standstill(_) | Sample::Speed(_) => Err(LogError::Unwritable {
-                path: self.path.clone(),
-                what: "a standstill or a speed of wheels",
-                reason: "no topic was chosen for it",
-            }),
+            Sample::Standstill(sample) => {
+                let channel = match self.standing {
+                    Some(channel) => channel,
+                    None => *self
+                        .standing
+                        .insert(self.writer.channel::<Bool>(&self.options.standing_topic)?),
+                };
+                self.writer.write(channel, log_time, &Bool(sample.standing))
+            }
+            Sample::Speed(sample) => {
+                let channel = match self.speed {
+                    Some(channel) => channel,
+                    None => *self
+                        .speed
+                        .insert(self.writer.channel::<Float64>(&self.options.speed_topic)?),
+                };
+                self.writer.write(channel, log_time, &Float64(sample.speed))
+            }
         }
     }
 

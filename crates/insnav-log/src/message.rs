@@ -31,13 +31,19 @@ pub enum MessageKind {
     SensorCombined,
     /// `px4_msgs/msg/SensorGps`, before 2022 `VehicleGpsPosition`
     SensorGps,
+    /// `std_msgs/msg/Bool`
+    Bool,
+    /// `std_msgs/msg/Float32`
+    Float32,
+    /// `std_msgs/msg/Float64`
+    Float64,
     /// Any other message that begins with a `std_msgs` header.
     Stamped,
     /// A message that the user's map explains.
     Mapped,
 }
 
-/// Every kind with the packages and names that it goes by, and fields that no other kind has all of.
+/// Every kind with the packages and names that it goes by, and fields that no other kind has all of, if there are such.
 type Names = (
     MessageKind,
     &'static [&'static str],
@@ -118,6 +124,10 @@ const NAMES: &[Names] = &[
         &["TFMessage", "tfMessage"],
         &["transforms"],
     ),
+    // One field `data` says nothing of a kind.
+    (MessageKind::Bool, &["std_msgs"], &["Bool"], &[]),
+    (MessageKind::Float32, &["std_msgs"], &["Float32"], &[]),
+    (MessageKind::Float64, &["std_msgs"], &["Float64"], &[]),
 ];
 
 impl MessageKind {
@@ -135,7 +145,9 @@ impl MessageKind {
 
     /// The kind of a message by its fields: for encodings that carry names, under whatever type they were recorded.
     pub(crate) fn of_fields(fields: &Fields<'_>) -> Option<Self> {
-        let has_all = |paths: &[&str]| paths.iter().all(|path| fields.kind_at(path).is_some());
+        let has_all = |paths: &[&str]| {
+            !paths.is_empty() && paths.iter().all(|path| fields.kind_at(path).is_some())
+        };
         // An odometry has a twist too, and comes first.
         let odometry = NAMES
             .iter()
@@ -156,6 +168,9 @@ impl MessageKind {
                 | MessageKind::TwistWithCovarianceStamped
                 | MessageKind::Odometry
                 | MessageKind::Transforms
+                | MessageKind::Bool
+                | MessageKind::Float32
+                | MessageKind::Float64
                 | MessageKind::Stamped
         )
     }
@@ -250,6 +265,7 @@ mod tests {
                 Some(MessageKind::Odometry),
             ),
             (r#"{"speed": 3}"#, None),
+            (r#"{"data": true}"#, None),
         ] {
             let fields = read_json(&mut document, text.as_bytes()).unwrap();
             assert_eq!(MessageKind::of_fields(&fields), kind, "{text}");

@@ -1,7 +1,7 @@
 //! Messages become samples: SI, radians, NED and forward-right-down, in order of their stamps.
 
 use crate::container::Messages;
-use crate::content::{Axes, Fix, MessageReader, Stamp, Velocity};
+use crate::content::{Axes, Declared, Fix, MessageReader, Stamp, Velocity};
 use crate::error::LogError;
 use crate::frames::{ENU_NED, FLU_FRD};
 use crate::imu_units::ImuUnits;
@@ -9,7 +9,7 @@ use crate::log::{ImuAxes, Log, TimeSource};
 use crate::reorder::{Reorder, Waiting};
 use crate::topics::Role;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, Sample};
+use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, Sample, Speed, Standstill};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,10 @@ pub struct SampleCounts {
     pub gnss_velocity: u64,
     /// Headings passed on.
     pub heading: u64,
+    /// Declarations of standing passed on, whichever way.
+    pub standstill: u64,
+    /// Speeds of wheels passed on.
+    pub speed: u64,
     /// Positions dropped: the receiver says that it has no fix.
     pub dropped_no_fix: u64,
     /// Positions dropped: NaN, infinite, or not on the Earth.
@@ -37,6 +41,8 @@ pub struct SampleCounts {
     pub dropped_velocity_not_finite: u64,
     /// Velocities dropped: the receiver says that it has no fix.
     pub dropped_velocity_no_fix: u64,
+    /// Speeds of wheels dropped: NaN or infinite.
+    pub dropped_speed_not_finite: u64,
     /// Aiding samples dropped: later than the reorder window allows.
     pub dropped_late: u64,
     /// Messages without a stamp of their own, for which the log time was taken.
@@ -103,6 +109,7 @@ impl<'a> Samples<'a> {
             Role::Imu,
             Role::GnssPosition,
             Role::GnssVelocity,
+            Role::Standing,
             Role::Heading,
         ] {
             let Some(info) = log.optional(role)? else {
@@ -258,6 +265,21 @@ impl<'a> Samples<'a> {
             };
             self.reorder.push(time, log_time, Sample::Heading(heading));
         }
+        if let Some(declared) = content.standing
+            && plays(Role::Standing)
+        {
+            match declared {
+                Declared::Standing(standing) => {
+                    let sample = Sample::Standstill(Standstill { time, standing });
+                    self.reorder.push(time, log_time, sample);
+                }
+                Declared::Speed(speed) if speed.is_finite() => {
+                    let sample = Sample::Speed(Speed { time, speed });
+                    self.reorder.push(time, log_time, sample);
+                }
+                Declared::Speed(_) => counts.dropped_speed_not_finite += 1,
+            }
+        }
         Ok(true)
     }
 
@@ -283,8 +305,10 @@ impl<'a> Samples<'a> {
                 return Ok(None);
             }
             Sample::GnssPosition(_) => self.counts.gnss_position += 1,
+            Sample::GnssVelocity(_) => self.counts.gnss_velocity += 1,
             Sample::Heading(_) => self.counts.heading += 1,
-            _ => self.counts.gnss_velocity += 1,
+            Sample::Standstill(_) => self.counts.standstill += 1,
+            Sample::Speed(_) => self.counts.speed += 1,
         }
         self.last = self.last.max(Some(time));
         Ok(Some(sample))

@@ -13,6 +13,7 @@ use insnav_core::earth::{Geodetic, LocalFrame};
 use insnav_core::filter::Verdict;
 use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::sample::GnssPosition;
+use insnav_core::stationary::{Evidence, Witness};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
@@ -74,6 +75,12 @@ pub struct SolutionTable {
     pub attitude_covariance_n: Vec<Matrix3<f64>>,
     /// Whether the body stands.
     pub stationary: Vec<bool>,
+    /// For how long it has been standing, s; 0 when it moves.
+    pub standing_s: Vec<f64>,
+    /// What the detector of stops saw; NaN, and nobody, where the file does not say.
+    pub stop_evidence: Vec<Evidence>,
+    /// True if the file says whether the body stands.
+    pub has_standing: bool,
     /// True if the file has velocities.
     pub has_velocity: bool,
     /// True if the file has an attitude.
@@ -133,6 +140,7 @@ impl SolutionTable {
         let empty = || SolutionTable {
             has_velocity: true,
             has_attitude: true,
+            has_standing: true,
             metadata: log.metadata(METADATA_NAME).cloned().unwrap_or_default(),
             ..SolutionTable::default()
         };
@@ -160,6 +168,7 @@ impl SolutionTable {
         let mut table = SolutionTable {
             has_velocity: true,
             has_attitude: true,
+            has_standing: true,
             ..SolutionTable::default()
         };
         let Some(state) = topic("/insnav/state") else {
@@ -279,6 +288,19 @@ impl SolutionTable {
             ]),
         );
         self.stationary.push(row.motion != 0);
+        self.standing_s.push(row.standing_s);
+        self.stop_evidence.push(Evidence {
+            witness: match row.stop_witness {
+                1 => Witness::Detector,
+                2 => Witness::Declared,
+                3 => Witness::Interval,
+                _ => Witness::Nobody,
+            },
+            specific_force: row.stop_specific_force_ratio,
+            angular_rate: row.stop_angular_rate_ratio,
+            mean_rate: row.stop_mean_rate_ratio,
+            speed: row.stop_speed_ratio,
+        });
     }
 
     fn push_covariances(
@@ -312,9 +334,11 @@ impl SolutionTable {
             "sigma_rotation_east_deg",
             "sigma_heading_deg",
         ]);
+        let standing = table.column(&["standing_s"]);
         let mut solution = SolutionTable {
             has_velocity: truth.has_velocity,
             has_attitude: truth.has_attitude,
+            has_standing: standing.is_some(),
             ..SolutionTable::default()
         };
         for i in 0..truth.t_s.len() {
@@ -335,6 +359,14 @@ impl SolutionTable {
                     UnitQuaternion::identity()
                 },
             );
+            if let (Some(standing), Some(for_s), Some(stands)) = (
+                standing,
+                solution.standing_s.last_mut(),
+                solution.stationary.last_mut(),
+            ) {
+                *for_s = standing[i];
+                *stands = standing[i] > 0.0;
+            }
             let squared = |s: &Vector3<f64>| Matrix3::from_diagonal(&s.component_mul(s));
             solution.push_covariances(
                 squared(&truth.position_sigma_n[i]),
@@ -384,6 +416,8 @@ impl SolutionTable {
         self.gyro_bias_sigma.push(unknown);
         self.accel_bias_sigma.push(unknown);
         self.stationary.push(false);
+        self.standing_s.push(0.0);
+        self.stop_evidence.push(Evidence::default());
     }
 
     /// Number of epochs.

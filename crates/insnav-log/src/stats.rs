@@ -164,6 +164,11 @@ impl Collected {
             }
         };
         let stamp = Time(match content.stamp {
+            Stamp::Absent => {
+                self.stamps.push(without_stamp.0);
+                self.statistics.add(&content, without_stamp);
+                return Ok(());
+            }
             Stamp::Host(time) => time.0,
             Stamp::Own(time) => time.0.saturating_add(self.clock_shift),
         });

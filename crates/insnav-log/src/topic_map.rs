@@ -2,7 +2,7 @@
 //!
 //! For messages of types that are not known here, in any encoding that carries names: JSON, or ROS with its definition.
 
-use crate::content::{Axes, Content, Fix, NorthHeading, Rates, Stamp, Velocity};
+use crate::content::{Axes, Content, Declared, Fix, NorthHeading, Rates, Stamp, Velocity};
 use crate::topics::Role;
 use crate::wire::{DecodeError, Fields};
 use insnav_core::time::Time;
@@ -32,7 +32,10 @@ use std::str::FromStr;
 /// fix_from = 3
 /// heading_deg = "gps.heading"
 /// heading_sigma_deg = "gps.heading_acc"
+/// standing = "brake.parked"                  # true, or a number that is not 0: it stands
 /// ```
+///
+/// Instead of `standing`, `speed_m_per_s` may say how fast the wheels turn: `"wheel_speed_kmh / 3.6"`.
 ///
 /// A path leads through messages and lists (`gyro.x`, `acc.0`); a minus before it, and one `* number` or `/ number` behind it,
 /// change sign and unit. A map may name the quantities of one sensor or of several.
@@ -89,6 +92,12 @@ pub struct TopicMap {
     /// Its standard deviation, degrees.
     #[serde(default)]
     pub heading_sigma_deg: Option<Expression>,
+    /// Whether the body stands: true, or a number that is not 0.
+    #[serde(default)]
+    pub standing: Option<Expression>,
+    /// How fast the wheels turn, m/s, whichever way.
+    #[serde(default)]
+    pub speed_m_per_s: Option<Expression>,
 }
 
 /// Whose clock a stamp is on.
@@ -191,6 +200,10 @@ impl TopicMap {
             (Role::GnssPosition, self.latitude_deg.is_some()),
             (Role::GnssVelocity, self.velocity_m_per_s.is_some()),
             (Role::Heading, self.heading_deg.is_some()),
+            (
+                Role::Standing,
+                self.standing.is_some() || self.speed_m_per_s.is_some(),
+            ),
         ]
         .into_iter()
         .filter_map(|(role, given)| given.then_some(role))
@@ -215,6 +228,8 @@ impl TopicMap {
             self.heading_sigma_deg.is_some(),
             "heading_deg and heading_sigma_deg go together",
         ))
+        .or((self.standing.is_some() && self.speed_m_per_s.is_some())
+            .then_some("standing and speed_m_per_s say the same: give one of them"))
         .or(self
             .roles()
             .is_empty()
@@ -235,6 +250,7 @@ impl TopicMap {
             position: self.position(fields)?,
             velocity: self.velocity(fields)?,
             heading: self.heading(fields)?,
+            standing: self.declared(fields)?,
             ..Content::empty(stamp, "")
         })
     }
@@ -299,6 +315,18 @@ impl TopicMap {
         }))
     }
 
+    fn declared(&self, fields: &Fields<'_>) -> Result<Option<Declared>, DecodeError> {
+        if let Some(standing) = &self.standing {
+            let stands = standing.number(fields, "standing", 0)?;
+            return Ok(Some(Declared::Standing(stands != 0.0)));
+        }
+        let Some(speed) = &self.speed_m_per_s else {
+            return Ok(None);
+        };
+        let speed = speed.number(fields, "speed_m_per_s", 0)?;
+        Ok(Some(Declared::Speed(speed)))
+    }
+
     fn no_fix(&self, fields: &Fields<'_>) -> Result<bool, DecodeError> {
         match &self.fix {
             None => Ok(false),
@@ -338,6 +366,8 @@ impl TopicMap {
             "velocity_sigma_m_per_s" => of(&self.velocity_sigma_m_per_s),
             "fix" => one(&self.fix),
             "heading_deg" => one(&self.heading_deg),
+            "standing" => one(&self.standing),
+            "speed_m_per_s" => one(&self.speed_m_per_s),
             _ => one(&self.heading_sigma_deg),
         }
     }

@@ -19,6 +19,8 @@ pub enum Role {
     WheelOdometry,
     /// Static transforms between frames: lever arm and mounting.
     Tf,
+    /// What declares that the vehicle stands: a Bool, or a speed of its wheels. Taken only when it is named.
+    Standing,
     /// Heading of the body's forward axis, from two antennas. Taken only when it is named: where the antennas are, the
     /// message does not say.
     Heading,
@@ -26,12 +28,13 @@ pub enum Role {
 
 impl Role {
     /// All of them.
-    pub const ALL: [Role; 6] = [
+    pub const ALL: [Role; 7] = [
         Role::Imu,
         Role::GnssPosition,
         Role::GnssVelocity,
         Role::WheelOdometry,
         Role::Tf,
+        Role::Standing,
         Role::Heading,
     ];
 
@@ -43,6 +46,7 @@ impl Role {
             Role::GnssVelocity => "gnss-velocity",
             Role::WheelOdometry => "odometry",
             Role::Tf => "tf",
+            Role::Standing => "standing",
             Role::Heading => "heading",
         }
     }
@@ -72,6 +76,13 @@ impl Role {
             ],
             Role::WheelOdometry => &[MessageKind::Odometry],
             Role::Tf => &[MessageKind::Transforms],
+            Role::Standing => &[
+                MessageKind::Bool,
+                MessageKind::Float32,
+                MessageKind::Float64,
+                MessageKind::Odometry,
+                MessageKind::TwistStamped,
+            ],
             Role::Heading => &[MessageKind::NavRelPosNed],
         }
     }
@@ -84,7 +95,7 @@ impl Role {
             && match self {
                 Role::GnssVelocity => !topic.contains("cmd"),
                 Role::Tf => topic.ends_with("tf_static"),
-                Role::Heading => false,
+                Role::Standing | Role::Heading => false,
                 _ => true,
             }
     }
@@ -98,6 +109,7 @@ impl fmt::Display for Role {
             Role::GnssVelocity => "GNSS velocity",
             Role::WheelOdometry => "wheel odometry",
             Role::Tf => "static transform",
+            Role::Standing => "declaration of standing",
             Role::Heading => "heading",
         })
     }
@@ -324,6 +336,32 @@ mod tests {
         assert_eq!(selection.topic(Role::GnssVelocity), Some(1));
         assert_eq!(selection.topic(Role::GnssPosition), None);
         assert_eq!(selection.topic(Role::Tf), None);
+    }
+
+    #[test]
+    fn standing_is_declared_by_what_is_named_alone() {
+        let topics = [
+            topic("/brake", "std_msgs/msg/Bool"),
+            topic("/wheels", "nav_msgs/msg/Odometry"),
+            topic("/fix", "sensor_msgs/msg/NavSatFix"),
+        ];
+        let selection = find(&topics, &[]).unwrap();
+        assert_eq!(selection.topic(Role::Standing), None);
+        for (name, index) in [("/brake", 0), ("/wheels", 1)] {
+            let selection = find(&topics, &[(Role::Standing, name)]).unwrap();
+            assert_eq!(selection.topic(Role::Standing), Some(index));
+        }
+        let error = find(&topics, &[(Role::Standing, "/fix")]).unwrap_err();
+        assert_eq!(error.code(), "wrong_type");
+        for accepted in [
+            "std_msgs/msg/Bool",
+            "Float32",
+            "Float64",
+            "Odometry",
+            "TwistStamped",
+        ] {
+            assert!(error.remedy().contains(accepted), "{}", error.remedy());
+        }
     }
 
     #[test]

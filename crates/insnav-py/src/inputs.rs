@@ -4,7 +4,9 @@ use crate::arrays::Argument;
 use crate::failure::Failure;
 use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, ImuIncrement, ImuSample, Sample};
+use insnav_core::sample::{
+    GnssPosition, GnssVelocity, Heading, ImuIncrement, ImuSample, Sample, Speed, Standstill,
+};
 use insnav_core::time::Time;
 use insnav_log::{ImuAxes, RunError, Source, imu_to_body};
 use nalgebra::{Matrix3, Vector3};
@@ -14,15 +16,15 @@ use pyo3::types::{PyMapping, PyTuple};
 /// One kind of data: its key and the names of its columns, the last of which may be absent in some kinds.
 struct Stream {
     key: &'static str,
-    columns: [&'static str; 3],
+    columns: &'static [&'static str],
     required: usize,
     read: fn(&[Argument<'_>]) -> Result<Vec<Sample>, Failure>,
 }
 
-const STREAMS: [Stream; 5] = [
+const STREAMS: [Stream; 7] = [
     Stream {
         key: "imu",
-        columns: [
+        columns: &[
             "time_s",
             "angular_rate_b_rad_per_s",
             "specific_force_b_m_per_s2",
@@ -32,27 +34,39 @@ const STREAMS: [Stream; 5] = [
     },
     Stream {
         key: "imu_increment",
-        columns: ["time_s", "angle_b_rad", "velocity_b_m_per_s"],
+        columns: &["time_s", "angle_b_rad", "velocity_b_m_per_s"],
         required: 3,
         read: imu_increment,
     },
     Stream {
         key: "gnss_position",
-        columns: ["time_s", "latitude_deg_longitude_deg_height_m", "sigma_n_m"],
+        columns: &["time_s", "latitude_deg_longitude_deg_height_m", "sigma_n_m"],
         required: 2,
         read: gnss_position,
     },
     Stream {
         key: "gnss_velocity",
-        columns: ["time_s", "velocity_n_m_per_s", "sigma_n_m_per_s"],
+        columns: &["time_s", "velocity_n_m_per_s", "sigma_n_m_per_s"],
         required: 2,
         read: gnss_velocity,
     },
     Stream {
         key: "heading",
-        columns: ["time_s", "heading_deg", "sigma_deg"],
+        columns: &["time_s", "heading_deg", "sigma_deg"],
         required: 3,
         read: heading,
+    },
+    Stream {
+        key: "standstill",
+        columns: &["time_s", "standing"],
+        required: 2,
+        read: standstill,
+    },
+    Stream {
+        key: "speed",
+        columns: &["time_s", "speed_m_per_s"],
+        required: 2,
+        read: speed,
     },
 ];
 
@@ -272,6 +286,35 @@ fn heading(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
                 sigma: sigma.to_radians(),
             })
         })
+        .collect())
+}
+
+fn standstill(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
+    let times = columns[0].times()?;
+    let standing = columns[1].column(Some(times.len()))?;
+    let rows = times.into_iter().zip(standing).enumerate();
+    rows.map(|(row, (time, standing))| {
+        if standing.is_nan() {
+            return Err(Failure::new(
+                "not_finite",
+                format!("{}[{row}]: neither true nor false", columns[1].name),
+                "drop the rows in which nobody says anything",
+            ));
+        }
+        Ok(Sample::Standstill(Standstill {
+            time,
+            standing: standing != 0.0,
+        }))
+    })
+    .collect()
+}
+
+fn speed(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
+    let times = columns[0].times()?;
+    let speeds = columns[1].column(Some(times.len()))?;
+    let rows = times.into_iter().zip(speeds);
+    Ok(rows
+        .map(|(time, speed)| Sample::Speed(Speed { time, speed }))
         .collect())
 }
 

@@ -39,7 +39,8 @@ use std::path::PathBuf;
 /// start : mapping, optional
 ///     A state that is known, in place of a start found in the data (see :class:`Start`).
 /// topics : mapping, optional
-///     Of a log: topics by role (``"imu"``, ``"gnss"``, ``"gnss-velocity"``) where they cannot be told.
+///     Of a log: topics by role (``"imu"``, ``"gnss"``, ``"gnss-velocity"``) where they cannot be told, and ``"standing"``: what
+///     declares that the vehicle stands, a Bool or the speed of its wheels.
 /// imu_axes : {"flu", "frd"}, optional
 ///     Of a log: axes of the IMU's messages; forward-left-up as ROS has it, or forward-right-down.
 /// time_source : {"header", "log", "publish"}, optional
@@ -80,7 +81,7 @@ pub(crate) fn run(
 ) -> PyResult<Solution> {
     let py = log.py();
     let fail = |e: Failure| e.into_py_err(py);
-    let maps = settings::maps(config)?;
+    let for_reading = settings::for_reading(config)?;
     let mut config = settings::config(config)?;
     let mut options = RunOptions::default();
     match time_offset_s {
@@ -120,11 +121,9 @@ pub(crate) fn run(
         let arrays = inputs::arrays(mapping, &job.config)?;
         py.detach(|| job.run(&arrays, &[]))
     } else if let Ok(path) = log.extract::<PathBuf>() {
-        let reading = ReadOptions {
-            maps,
-            ..read_options(topics, imu_axes, time_source).map_err(fail)?
-        }
-        .with_mounting_of(&job.config);
+        let reading = for_reading
+            .over(read_options(topics, imu_axes, time_source).map_err(fail)?)
+            .with_mounting_of(&job.config);
         py.detach(|| {
             let log = Log::open(&path, reading)?;
             // As the command has it, so that both write the same file.

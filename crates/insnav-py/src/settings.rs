@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use insnav_core::config::Config;
-use insnav_log::{TopicMap, load_config, load_maps, parse_config, parse_maps};
+use insnav_log::{LogSettings, load_config, parse_config};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
@@ -28,21 +28,21 @@ pub(crate) fn config(given: Option<&Bound<'_, PyAny>>) -> PyResult<Config> {
     config.map_err(|e| Failure::from(e).into_py_err(py))
 }
 
-/// The maps of messages in the settings.
-pub(crate) fn maps(given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<TopicMap>> {
+/// What the settings say to the reader of logs.
+pub(crate) fn for_reading(given: Option<&Bound<'_, PyAny>>) -> PyResult<LogSettings> {
     let Some(given) = given else {
-        return Ok(Vec::new());
+        return Ok(LogSettings::default());
     };
     let py = given.py();
-    let maps = if let Ok(mapping) = given.cast::<PyMapping>() {
-        parse_maps(&table(mapping, "config")?.to_string(), "config")
+    let settings = if let Ok(mapping) = given.cast::<PyMapping>() {
+        LogSettings::parse(&table(mapping, "config")?.to_string(), "config", &[])
     } else if let Ok(path) = given.extract::<PathBuf>() {
-        load_maps(&path)
+        LogSettings::load(Some(&path), &[])
     } else {
         // What it is instead, `config` says.
-        return Ok(Vec::new());
+        return Ok(LogSettings::default());
     };
-    maps.map_err(|e| Failure::from(e).into_py_err(py))
+    settings.map_err(|e| Failure::from(e).into_py_err(py))
 }
 
 fn table(mapping: &Bound<'_, PyMapping>, path: &str) -> PyResult<toml::Table> {

@@ -279,4 +279,25 @@ impl Solution {
     fn standing<'py>(&self, py: Python<'py>) -> Column<'py> {
         self.scalar(py, |s| s.motion != 0)
     }
+
+    /// How long the body has been standing, s, shape (n,); 0 when it moves. What a stop turns out to be only after a while is
+    /// counted from its begin.
+    #[getter]
+    fn standing_s<'py>(&self, py: Python<'py>) -> Column<'py> {
+        self.scalar(py, |s| s.standing_s)
+    }
+
+    /// What the detector of stops saw of specific force, variation of the angular rate, mean angular rate and speed, each over
+    /// its threshold: all below 1 speak for a stop. NaN where there is nothing to judge. Shape (n, 4).
+    #[getter]
+    fn stop_ratios<'py>(&self, py: Python<'py>) -> Column<'py> {
+        self.vector(py, |s| {
+            [
+                s.stop_specific_force_ratio,
+                s.stop_angular_rate_ratio,
+                s.stop_mean_rate_ratio,
+                s.stop_speed_ratio,
+            ]
+        })
+    }
 }

@@ -27,6 +27,10 @@ class Arrays(TypedDict, total=False):
         Antenna velocity, down NaN for receivers that give speed and course only. Shapes as for positions.
     heading : (time_s, heading_deg, sigma_deg)
         From a dual antenna or another source, clockwise from true north. Shapes (n,).
+    standstill : (time_s, standing)
+        Somebody says whether the body stands, from then on. Shapes (n,).
+    speed : (time_s, speed_m_per_s)
+        How fast the wheels turn, whichever way. Shapes (n,).
     """
 
     imu: tuple[ArrayLike, ArrayLike, ArrayLike]
@@ -34,6 +38,8 @@ class Arrays(TypedDict, total=False):
     gnss_position: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
     gnss_velocity: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
     heading: tuple[ArrayLike, ArrayLike, ArrayLike]
+    standstill: tuple[ArrayLike, ArrayLike]
+    speed: tuple[ArrayLike, ArrayLike]
 
 
 class _StartTime(TypedDict, total=False):

@@ -11,7 +11,9 @@ use insnav_core::time::Time;
 use insnav_log::convert::{
     ConvertOptions, CsvInputs, DEFAULT_T0, csv_to_mcap, is_solution, mcap_to_csv,
 };
-use insnav_log::{ExportFormat, ImuAxes, Log, LogWriterOptions, Warning, check_output, export};
+use insnav_log::{
+    ExportFormat, ImuAxes, Log, LogSettings, LogWriterOptions, Warning, check_output, export,
+};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -127,7 +129,8 @@ impl Convert {
         };
         let log = Log::open(
             &self.input,
-            self.reading.options(&Config::default(), Vec::new()),
+            self.reading
+                .options(&Config::default(), LogSettings::default()),
         )?;
         converted.warnings.extend(log.recovery_warning());
         if is_solution(&log) {
@@ -180,7 +183,7 @@ impl Convert {
             near: self.t0.map(Time::from_seconds),
             geoid_height_m: self
                 .reading
-                .options(&Config::default(), Vec::new())
+                .options(&Config::default(), LogSettings::default())
                 .geoid_height_m,
             axes: match self.axes {
                 Axes::Frd => ImuAxes::Frd,

@@ -10,7 +10,7 @@ use clap::Args;
 use insnav_core::time::Time;
 use insnav_log::{
     Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, Mounting, NoiseReport, Plan, Role,
-    RunOptions, TopicInfo, TopicStatistics, Warning, config_text, find,
+    RunOptions, TopicInfo, TopicStatistics, Warning, config_text_with, find,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -96,8 +96,13 @@ pub(crate) struct RunPreview {
     pub(crate) imu_samples: usize,
     pub(crate) gnss_positions: usize,
     pub(crate) gnss_velocities: usize,
+    /// Declarations of standing.
+    pub(crate) standstills: usize,
+    /// Speeds of wheels.
+    pub(crate) wheel_speeds: usize,
     pub(crate) time_offset_s: Option<Estimate>,
     pub(crate) gnss_velocity_lag_s: Option<Estimate>,
+    /// By GNSS speed; a run looks at the inertial data too.
     pub(crate) stops: Vec<Span>,
     pub(crate) imu_grade: &'static str,
     pub(crate) imu_grade_picked: bool,
@@ -116,7 +121,7 @@ impl Info {
         let config = self.settings.load()?;
         let log = Log::open(
             &self.log,
-            self.reading.options(&config, self.settings.maps()?),
+            self.reading.options(&config, self.settings.for_reading()?),
         )?;
         let options = RunOptions {
             thorough_clocks: true,
@@ -207,6 +212,8 @@ fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
         imu_samples: plan.survey.imu_samples,
         gnss_positions: plan.survey.positions.len(),
         gnss_velocities: plan.survey.velocities.len(),
+        standstills: plan.survey.standstills,
+        wheel_speeds: plan.survey.speeds,
         time_offset_s: plan.clocks.offset_found,
         gnss_velocity_lag_s: plan.clocks.lag_found,
         stops: plan.stops().iter().map(|s| span(s.begin, s.end)).collect(),
@@ -221,7 +228,7 @@ fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
         } else {
             format!("sea level, {geoid_height_m} m above the ellipsoid")
         },
-        config: config_text(&config),
+        config: config_text_with(&config, plan.standing_topic.as_deref()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use insnav_core::config::Config;
-use insnav_log::{ImuAxes, ImuUnits, ReadOptions, Role, TimeSource, TopicMap, VelocityAxes};
+use insnav_log::{ImuAxes, ImuUnits, LogSettings, ReadOptions, Role, TimeSource, VelocityAxes};
 
 /// Axes of IMU messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -26,8 +26,10 @@ pub(super) enum Clock {
 
 #[derive(Args, Clone, Debug)]
 pub(super) struct LogFlags {
-    /// Topic of a role: imu, gnss, gnss-velocity, tf, heading, or none for none (repeatable; a role is found by itself when only
-    /// one topic can serve, but for heading, which has to be named: that of the body's forward axis)
+    /// Topic of a role: imu, gnss, gnss-velocity, tf, heading, standing, or none for none (repeatable; a role is found by itself
+    /// when only one topic can serve, but for two that have to be named: heading, that of the body's forward axis, and standing,
+    /// what declares that the vehicle stands: std_msgs Bool, or the speed of its wheels in m/s as Float32, Float64, Odometry or
+    /// TwistStamped; those without a header count at the log time)
     #[arg(long, value_name = "ROLE=/TOPIC", value_parser = topic)]
     topic: Vec<(Role, String)>,
 
@@ -77,9 +79,8 @@ pub(super) struct Angles([f64; 3]);
 
 impl LogFlags {
     /// How to read, given the settings: a mounting in a flag goes before one in the settings.
-    pub(super) fn options(&self, config: &Config, maps: Vec<TopicMap>) -> ReadOptions {
-        ReadOptions {
-            maps,
+    pub(super) fn options(&self, config: &Config, settings: LogSettings) -> ReadOptions {
+        let options = ReadOptions {
             topics: self.topic.clone(),
             imu_axes: match self.imu_axes {
                 Axes::Flu => ImuAxes::Flu,
@@ -96,8 +97,8 @@ impl LogFlags {
             imu_units: self.imu_units,
             gnss_velocity_axes: self.gnss_velocity_axes,
             ..ReadOptions::default()
-        }
-        .with_mounting_of(config)
+        };
+        settings.over(options).with_mounting_of(config)
     }
 }
 
@@ -167,6 +168,7 @@ mod tests {
     #[test]
     fn topics() {
         assert_eq!(topic("imu=/imu/data"), Ok((Role::Imu, "/imu/data".into())));
+        assert_eq!(topic("standing=none"), Ok((Role::Standing, "none".into())));
         assert!(topic("imux=/imu").unwrap_err().contains("gnss-velocity"));
         assert!(topic("/imu").is_err());
     }

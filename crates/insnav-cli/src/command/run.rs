@@ -8,12 +8,13 @@ use crate::output::Output;
 use crate::progress::Watched;
 use crate::text;
 use clap::Args;
-use insnav_core::config::Config;
+use insnav_core::config::{Config, Intervals, MOST_INTERVALS, StationaryMode};
 use insnav_log::{
     ExportFormat, Log, McapSink, Plan, ReadOptions, RunOptions, RunReport, SavedRun, Source,
-    Withhold, check_output, config_text, export, is_standard_stream,
+    Withhold, check_output, export, is_standard_stream,
 };
-use serde::Serialize;
+use serde::de::IntoDeserializer;
+use serde::{Deserialize, Serialize};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -61,6 +62,15 @@ pub(crate) struct Run {
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     heading_deg: Option<f64>,
 
+    /// What to make of stops: static, zupt, zihr, heading_hold, attitude_hold, or off [default: static; zupt on foot]
+    #[arg(long, value_name = "MODE", value_parser = stationary_mode)]
+    stationary: Option<StationaryMode>,
+
+    /// An interval in which the vehicle is known to stand, seconds from the log's begin, such as 40:200 (repeatable, or a list
+    /// with commas); other stops are found all the same
+    #[arg(long, value_name = "BEGIN:END", value_parser = interval, value_delimiter = ',', allow_hyphen_values = true)]
+    stop: Vec<Interval>,
+
     /// Stop in the middle of everything and keep the run in this file, to go on with the next log of the drive by --resume:
     /// both outputs together are those of one run with the settings that this one chose. The last seconds of this log come out with the next one
     #[arg(long, value_name = "FILE")]
@@ -105,6 +115,28 @@ fn time_offset(text: &str) -> Result<TimeOffset, String> {
         Ok(s) if s.is_finite() => Ok(TimeOffset::Seconds(s)),
         _ => Err("a number of seconds or auto is needed".into()),
     }
+}
+
+/// Begin and end, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Interval([f64; 2]);
+
+fn interval(text: &str) -> Result<Interval, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|s| s.is_finite());
+    let both = text
+        .split_once(':')
+        .and_then(|(begin, end)| Some([number(begin)?, number(end)?]));
+    match both {
+        Some([begin, end]) if begin < end => Ok(Interval([begin, end])),
+        Some(_) => Err("its end is not after its begin".into()),
+        None => Err("begin:end in seconds is needed, such as 40:200".into()),
+    }
+}
+
+fn stationary_mode(text: &str) -> Result<StationaryMode, String> {
+    let name: serde::de::value::StrDeserializer<'_, serde::de::value::Error> =
+        text.into_deserializer();
+    StationaryMode::deserialize(name).map_err(|e| e.to_string())
 }
 
 fn export_format(text: &str) -> Result<ExportFormat, String> {
@@ -200,6 +232,17 @@ impl Run {
     }
 
     fn config(&self) -> Result<Config, Failure> {
+        let mut stops: Vec<[f64; 2]> = self.stop.iter().map(|i| i.0).collect();
+        stops.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let Some(intervals) = Intervals::new(&stops) else {
+            return Err(Failure::usage(
+                format!(
+                    "--stop: {} intervals are more than {MOST_INTERVALS}",
+                    stops.len()
+                ),
+                "declare standing by a topic: `--topic standing=/its/name`",
+            ));
+        };
         self.settings.load_over(|config| {
             let mut set_by = Vec::new();
             let mut by = |key, flag: String| set_by.push(SetBy { flag, key });
@@ -214,6 +257,18 @@ impl Run {
             if let Some(heading) = self.heading_deg {
                 config.alignment.heading_deg = Some(heading);
                 by("alignment.heading_deg", format!("--heading-deg {heading}"));
+            }
+            if let Some(mode) = self.stationary {
+                config.stationary.mode = mode;
+                by("stationary.mode", "--stationary".into());
+            }
+            if !stops.is_empty() {
+                config.stationary.intervals_s = intervals;
+                let list: Vec<String> = stops.iter().map(|[a, b]| format!("{a}:{b}")).collect();
+                by(
+                    "stationary.intervals_s",
+                    format!("--stop {}", list.join(",")),
+                );
             }
             set_by
         })
@@ -346,7 +401,7 @@ impl Run {
     }
 
     fn open(&self, job: &Job, config: &Config, saved: Option<&SavedRun>) -> Result<Log, Failure> {
-        let mut options = self.reading.options(config, self.settings.maps()?);
+        let mut options = self.reading.options(config, self.settings.for_reading()?);
         if let Some(saved) = saved {
             options = saved.read_options(options);
         }
@@ -419,7 +474,7 @@ impl Run {
         let saved = self.saved()?;
         let log = self.open(job, config, saved.as_ref())?;
         let plan = self.plan(&Watched::new(&log), config, saved.as_ref())?;
-        let text = config_text(&plan.config);
+        let text = plan.config_text();
         output.warnings(&plan.warnings);
         output.result(&serde_json::json!({ "config": text }), || text.clone());
         Ok(0)
@@ -477,6 +532,19 @@ mod tests {
         assert_eq!(time_offset("auto"), Ok(TimeOffset::Auto));
         assert_eq!(time_offset("-0.21"), Ok(TimeOffset::Seconds(-0.21)));
         assert!(time_offset("nan").is_err() && time_offset("later").is_err());
+        assert_eq!(interval("-1.5:200"), Ok(Interval([-1.5, 200.0])));
+        for wrong in ["40", "40:", "200:40", "40:40", "nan:1", "40-200"] {
+            assert!(interval(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(
+            stationary_mode("heading_hold"),
+            Ok(StationaryMode::HeadingHold)
+        );
+        assert!(
+            stationary_mode("hold")
+                .unwrap_err()
+                .contains("heading_hold")
+        );
         assert_eq!(rate("imu"), Ok(Rate(0.0)));
         assert!(rate("0").is_err() && rate("-5").is_err());
     }

@@ -4,12 +4,13 @@ use crate::failure::Failure;
 use clap::Args;
 use insnav_core::config::Config;
 use insnav_core::error::Error as CoreError;
-use insnav_log::{ConfigError, RunError, TopicMap, load_config, load_maps};
+use insnav_log::{ConfigError, LogSettings, RunError, load_config};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
 pub(super) struct SettingsFlags {
-    /// Settings, TOML; with [[map]] for messages of types of your own (which field is which quantity)
+    /// Settings, TOML; with [[map]] for messages of types of your own (which field is which quantity) and
+    /// stationary.topic for one that declares standing
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
 
@@ -32,12 +33,9 @@ impl SettingsFlags {
         self.load_over(|_| Vec::new())
     }
 
-    /// The maps of messages in the settings' file.
-    pub(super) fn maps(&self) -> Result<Vec<TopicMap>, Failure> {
-        match &self.config {
-            Some(file) => Ok(load_maps(file)?),
-            None => Ok(Vec::new()),
-        }
+    /// What the settings say to the reader of logs.
+    pub(super) fn for_reading(&self) -> Result<LogSettings, Failure> {
+        LogSettings::load(self.config.as_deref(), &self.set).map_err(blame)
     }
 
     /// As [`SettingsFlags::load`], with what a verb's own flags set on top: `apply` sets it, and says by which flag.
@@ -66,8 +64,13 @@ impl SettingsFlags {
         let failure =
             |message: String, remedy: &str| Failure::new("bad_config_value", message, remedy);
         if let Some(by) = set_by.iter().find(|by| by.key == key) {
+            // Of a list it is one number that is wrong.
+            let what = match key {
+                "stationary.intervals_s" => format!("{value} s"),
+                _ => key.to_owned(),
+            };
             return failure(
-                format!("{}: {key} must be {expected}", by.flag),
+                format!("{}: {what} must be {expected}", by.flag),
                 "give the flag another value",
             )
             .into_usage();

@@ -1,6 +1,6 @@
 //! What a log holds, on one screen.
 
-use super::{entry, plural, short, span};
+use super::{entry, plural, short, some, span};
 use crate::command::{LogReport, RunPreview, TopicReport};
 use insnav_log::{Estimate, NoiseReport, Severity};
 
@@ -139,8 +139,12 @@ fn preview(run: &RunPreview) -> String {
     add(
         "samples",
         format!(
-            "{} inertial, {} positions, {} velocities",
-            run.imu_samples, run.gnss_positions, run.gnss_velocities
+            "{} inertial, {} positions, {} velocities{}{}",
+            run.imu_samples,
+            run.gnss_positions,
+            run.gnss_velocities,
+            some(run.standstills, "declarations of standing"),
+            some(run.wheel_speeds, "speeds of wheels")
         ),
     );
     let estimate = |e: &Option<Estimate>| match e {
@@ -169,9 +173,9 @@ fn preview(run: &RunPreview) -> String {
     add(
         "stops",
         if stops.is_empty() {
-            "none seen in GNSS velocity".into()
+            "none by GNSS velocity; a run looks at the inertial data too".into()
         } else {
-            stops.join(", ")
+            format!("by GNSS velocity {}", stops.join(", "))
         },
     );
     let source = match (run.imu_grade_picked, &run.imu_noise) {

@@ -64,6 +64,15 @@ fn span(seconds: f64) -> String {
     }
 }
 
+/// A count with its name behind a comma, if there is anything to count.
+fn some(count: usize, what: &str) -> String {
+    if count == 0 {
+        String::new()
+    } else {
+        format!(", {count} {what}")
+    }
+}
+
 fn plural(n: usize, one: &str) -> String {
     format!("{n} {one}{}", if n == 1 { "" } else { "s" })
 }

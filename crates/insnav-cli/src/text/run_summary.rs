@@ -1,9 +1,10 @@
 //! What a run did, on one screen.
 
-use super::{entry, maybe, plural, short, span, way};
+use super::{entry, maybe, plural, short, some, span, way};
 use crate::command::Outcome;
 use insnav_core::alignment::HeadingSource;
-use insnav_log::{AlignmentReport, Estimate, RunReport, ScaleReport};
+use insnav_core::stationary::StopEnd;
+use insnav_log::{AlignmentReport, Estimate, RunReport, ScaleReport, StopReport};
 
 /// The summary of a run.
 pub(crate) fn run_summary(outcome: &Outcome) -> String {
@@ -23,21 +24,8 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     if let Some(a) = &r.alignment {
         add("start", alignment(a));
     }
-    for (i, s) in r.stops.iter().enumerate() {
-        let heading = match (s.heading_before_deg, s.heading_after_deg) {
-            (Some(a), Some(b)) => format!(
-                ", heading {a:.2}° → {b:.2}° ± {}°",
-                maybe(s.sigma_heading_deg)
-            ),
-            _ => String::new(),
-        };
-        let line = format!(
-            "{:.1}–{:.1} s ({:.0} s){heading}",
-            s.begin_s,
-            s.end_s,
-            s.end_s - s.begin_s
-        );
-        add(if i == 0 { "stops" } else { "" }, line);
+    if !r.stops.is_empty() {
+        add("stops", stops(&r.stops));
     }
     let width = r.aiding.iter().map(|a| a.name.len()).max().unwrap_or(0);
     for (i, a) in r.aiding.iter().enumerate() {
@@ -102,6 +90,45 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     text
 }
 
+/// So many stops are listed.
+const MOST_STOPS: usize = 20;
+
+/// A line a stop.
+fn stops(stops: &[StopReport]) -> String {
+    let mut text = format!(
+        "{:>9} {:>7} {:>9} {:>8} {:>7} {:>9} {:>16}  ended by",
+        "begin s", "for s", "heading °", "change °", "± °", "held °", "bias z °/h"
+    );
+    for s in stops.iter().take(MOST_STOPS) {
+        let bias = format!(
+            "{} ± {}",
+            short(s.gyro_bias_deg_per_hour[2]),
+            short(s.sigma_gyro_bias_deg_per_hour[2])
+        );
+        text.push_str(&format!(
+            "\n{:>9.1} {:>7.1} {:>9.2} {:>8.3} {:>7} {:>9.4} {bias:>16}  {}",
+            s.begin_s,
+            s.end_s - s.begin_s,
+            s.heading_before_deg,
+            s.heading_change_deg(),
+            short(s.sigma_heading_deg),
+            s.heading_growth_deg,
+            match s.ended_by {
+                StopEnd::Motion => "motion",
+                StopEnd::Withdrawn => "who declared it",
+                StopEnd::Contradicted => "contradiction",
+                StopEnd::Gap => "gap",
+                StopEnd::End => "end of data",
+            }
+        ));
+    }
+    if stops.len() > MOST_STOPS {
+        let more = stops.len() - MOST_STOPS;
+        text.push_str(&format!("\nand {more} more, in `--format json`"));
+    }
+    text
+}
+
 /// What was done about stated sigmas.
 fn sigma_scales(r: &RunReport) -> String {
     let part = |what: &str, s: &ScaleReport| {
@@ -118,15 +145,6 @@ fn sigma_scales(r: &RunReport) -> String {
         part("position", &r.gnss_sigma_scale),
         part("velocity", &r.gnss_velocity_sigma_scale)
     )
-}
-
-/// A count with its name, if there is anything to count.
-fn some(count: usize, what: &str) -> String {
-    if count == 0 {
-        String::new()
-    } else {
-        format!(", {count} {what}")
-    }
 }
 
 fn drive(r: &RunReport) -> String {
@@ -167,8 +185,22 @@ fn imu(r: &RunReport) -> String {
         short(r.accel_vrw_m_per_s_per_sqrt_hour),
     );
     let noise = format!("white noise {gyro} °/√h and {accel} m/s/√h");
+    let at_rest = match (
+        r.rest_gyro_arw_deg_per_sqrt_hour,
+        r.rest_accel_vrw_m_per_s_per_sqrt_hour,
+    ) {
+        (Some(gyro), Some(accel)) => [gyro, accel],
+        _ => [
+            r.gyro_arw_deg_per_sqrt_hour,
+            r.accel_vrw_m_per_s_per_sqrt_hour,
+        ],
+    };
     if !r.imu_grade_picked {
-        return format!("{grade} grade, as set; {noise}\n{arm}");
+        return format!(
+            "{grade} grade, as set; {noise}, at rest {} and {}\n{arm}",
+            short(at_rest[0]),
+            short(at_rest[1])
+        );
     }
     let source = if r.imu_noise.is_some() {
         "picked from the log's own noise"
@@ -177,8 +209,9 @@ fn imu(r: &RunReport) -> String {
     };
     format!(
         "{grade} grade, {source}; to state it:\n[imu]\ngrade = \"{grade}\"\n[noise]\n\
-         gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n{arm}",
-        r.gyro_arw_deg_per_sqrt_hour, r.accel_vrw_m_per_s_per_sqrt_hour
+         gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n\
+         [stationary]\ngyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n{arm}",
+        r.gyro_arw_deg_per_sqrt_hour, r.accel_vrw_m_per_s_per_sqrt_hour, at_rest[0], at_rest[1]
     )
 }
 

@@ -13,6 +13,6 @@ mod parts;
 mod real_data;
 mod recover;
 mod run;
-mod several;
 mod simulate;
+mod stationary;
 mod streams;

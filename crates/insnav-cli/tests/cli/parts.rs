@@ -82,6 +82,8 @@ fn two_parts_are_one_run_to_the_last_bit() {
         assert_eq!(second["alignment"], whole["alignment"]);
         assert_eq!(second["imu_samples"], whole["imu_samples"]);
         assert_eq!(second["withheld"], whole["withheld"]);
+        assert_eq!(second["stops"], whole["stops"], "cut at {at_s} s");
+        assert_eq!(second["distance_m"], whole["distance_m"]);
         assert!(first["imu_samples"].as_u64() < whole["imu_samples"].as_u64());
     }
 }

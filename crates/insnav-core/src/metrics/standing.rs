@@ -22,6 +22,8 @@ pub struct DetectedStop {
     pub reference_begin_s: f64,
     /// How much later the solution said so; `None` if it never did.
     pub delay_s: Option<f64>,
+    /// When the stop began by what the solution then said, s from the time origin; it is sure of a stop only after a while.
+    pub reported_begin_s: Option<f64>,
 }
 
 /// Finds stops in a stream of horizontal speeds: at least two seconds below 0.1 m/s, with interruptions of up to a second
@@ -103,6 +105,9 @@ pub fn stop_delays(
             DetectedStop {
                 reference_begin_s: stop.begin.since(origin),
                 delay_s: seen.map(|p| p.time.since(stop.begin.max(begin))),
+                reported_begin_s: seen
+                    .and_then(|p| p.standing_since)
+                    .map(|since| since.since(origin)),
             }
         })
         .collect()
@@ -193,6 +198,7 @@ mod tests {
                     SolutionPoint {
                         time: at(t),
                         stationary,
+                        standing_since: (stationary == Some(true)).then(|| at(10.25)),
                         ..SolutionPoint::default()
                     }
                 })
@@ -202,6 +208,7 @@ mod tests {
         assert_eq!(stops.len(), 1);
         assert!((stops[0].reference_begin_s - 5.0).abs() < 1e-9);
         assert!((stops[0].delay_s.unwrap() - 1.0).abs() < 1e-9);
+        assert!((stops[0].reported_begin_s.unwrap() - 5.25).abs() < 1e-9);
         let late = stop_delays(&track, &reference(), at(5.0), 0.4);
         assert!((late[0].reference_begin_s - 4.6).abs() < 1e-9, "{late:?}");
         assert!((late[0].delay_s.unwrap() - 1.4).abs() < 1e-9, "{late:?}");

@@ -28,6 +28,8 @@ pub struct SolutionPoint {
     pub position_attitude_covariance_n: Option<Matrix3<f64>>,
     /// Whether the solution takes the body to stand.
     pub stationary: Option<bool>,
+    /// Begin of the stop, where it stands.
+    pub standing_since: Option<Time>,
 }
 
 impl SolutionPoint {
@@ -140,6 +142,11 @@ fn between(a: &SolutionPoint, b: &SolutionPoint, time: Time, dt: f64) -> Solutio
             b.position_attitude_covariance_n,
         ),
         stationary: if s < 0.5 { a.stationary } else { b.stationary },
+        standing_since: if s < 0.5 {
+            a.standing_since
+        } else {
+            b.standing_since
+        },
     }
 }
 

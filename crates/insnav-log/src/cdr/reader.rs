@@ -111,6 +111,10 @@ impl<'a> CdrReader<'a> {
         u32, u32
     );
     scalar!(
+        /// A 32-bit floating-point number.
+        f32, f32
+    );
+    scalar!(
         /// A 64-bit floating-point number.
         f64, f64
     );
@@ -173,6 +177,11 @@ impl<'a> Wire<'a> for CdrReader<'a> {
     #[inline]
     fn u16(&mut self, _: &'static str) -> Result<u16, DecodeError> {
         CdrReader::u16(self)
+    }
+
+    #[inline]
+    fn f32(&mut self, _: &'static str) -> Result<f32, DecodeError> {
+        CdrReader::f32(self)
     }
 
     #[inline]

@@ -84,6 +84,10 @@ impl CdrWriter {
         u32, u32
     );
     scalar!(
+        /// A 32-bit floating-point number.
+        f32, f32
+    );
+    scalar!(
         /// A 64-bit floating-point number.
         f64, f64
     );

@@ -130,7 +130,6 @@ fn track(table: &SolutionTable) -> Track {
             .all(|x| x.is_finite() && *x > 0.0)
             .then_some(p)
     };
-    let knows_standing = table.stationary.iter().any(|s| *s);
     let points = (0..table.len()).map(|i| SolutionPoint {
         time: table.time[i],
         position: table.position[i].is_valid().then_some(table.position[i]),
@@ -141,7 +140,8 @@ fn track(table: &SolutionTable) -> Track {
         velocity_covariance_n: stated(table.velocity_covariance_n[i]),
         attitude_covariance_n: stated(table.attitude_covariance_n[i]),
         position_attitude_covariance_n: None,
-        stationary: knows_standing.then_some(table.stationary[i]),
+        stationary: table.has_standing.then_some(table.stationary[i]),
+        standing_since: table.stationary[i].then(|| table.time[i].plus(-table.standing_s[i])),
     });
     Track::new(points.collect())
 }

@@ -119,7 +119,8 @@ pub fn write_truth(
 }
 
 pub(crate) const SOLUTION_HEADER: &str = "t_s,lat_deg,lon_deg,h_m,vn,ve,vd,roll_deg,pitch_deg,yaw_deg,sn,se,sd,svn,sve,svd,\
-     sigma_rotation_north_deg,sigma_rotation_east_deg,sigma_heading_deg";
+     sigma_rotation_north_deg,sigma_rotation_east_deg,sigma_heading_deg,standing_s,stop_specific_force_ratio,\
+     stop_angular_rate_ratio,stop_mean_rate_ratio,stop_speed_ratio";
 
 pub(crate) fn write_epochs(
     out: &mut dyn Write,
@@ -153,6 +154,16 @@ pub(crate) fn write_epochs(
             attitude,
         ] {
             write!(out, ",{},{},{}", Cell(v.x), Cell(v.y), Cell(v.z))?;
+        }
+        let seen = &solution.stop_evidence[i];
+        write!(out, ",{}", Cell(solution.standing_s[i]))?;
+        for ratio in [
+            seen.specific_force,
+            seen.angular_rate,
+            seen.mean_rate,
+            seen.speed,
+        ] {
+            write!(out, ",{}", Cell(ratio))?;
         }
         writeln!(out)?;
     }

@@ -16,6 +16,9 @@ const DEFINITIONS: &[Definition] = &[
         "builtin_interfaces/Time stamp\nstring frame_id\n",
         &["builtin_interfaces/msg/Time"],
     ),
+    ("std_msgs/msg/Bool", "bool data\n", &[]),
+    ("std_msgs/msg/Float32", "float32 data\n", &[]),
+    ("std_msgs/msg/Float64", "float64 data\n", &[]),
     (
         "geometry_msgs/msg/Vector3",
         "float64 x\nfloat64 y\nfloat64 z\n",

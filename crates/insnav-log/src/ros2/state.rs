@@ -15,11 +15,28 @@ macro_rules! state_message {
             $($(#[$doc])* pub $field: f64,)*
             /// 0 moving, 1 stationary.
             pub motion: u8,
+            /// Who says that the body stands: 0 nobody, 1 the detector, 2 somebody by a message, 3 an interval of the settings.
+            pub stop_witness: u8,
+            /// The detector's statistic of the specific force over its threshold: below 1, as the next three, it speaks for a
+            /// stop. NaN where there is nothing to judge, and in files of versions that had none.
+            pub stop_specific_force_ratio: f64,
+            /// Of the angular rate's variation, likewise.
+            pub stop_angular_rate_ratio: f64,
+            /// Of the mean angular rate against the gyro bias, likewise.
+            pub stop_mean_rate_ratio: f64,
+            /// Of the speed by GNSS, wheels, or the filter itself, likewise.
+            pub stop_speed_ratio: f64,
         }
 
         impl<'a> Decode<'a> for State<'a> {
             fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
-                Ok(State { header: Header::of(from)?, $($field: from.f64(stringify!($field))?,)* motion: from.u8("motion")? })
+                Ok(State { header: Header::of(from)?, $($field: from.f64(stringify!($field))?,)* motion: from.u8("motion")?,
+                    // Files of before there was a detector end here.
+                    stop_witness: from.u8("stop_witness").unwrap_or(0),
+                    stop_specific_force_ratio: from.f64("stop_specific_force_ratio").unwrap_or(f64::NAN),
+                    stop_angular_rate_ratio: from.f64("stop_angular_rate_ratio").unwrap_or(f64::NAN),
+                    stop_mean_rate_ratio: from.f64("stop_mean_rate_ratio").unwrap_or(f64::NAN),
+                    stop_speed_ratio: from.f64("stop_speed_ratio").unwrap_or(f64::NAN) })
             }
         }
 
@@ -30,6 +47,11 @@ macro_rules! state_message {
                 self.header.write(to);
                 $(to.f64(self.$field);)*
                 to.u8(self.motion);
+                to.u8(self.stop_witness);
+                to.f64(self.stop_specific_force_ratio);
+                to.f64(self.stop_angular_rate_ratio);
+                to.f64(self.stop_mean_rate_ratio);
+                to.f64(self.stop_speed_ratio);
             }
         }
 
@@ -38,6 +60,9 @@ macro_rules! state_message {
             "std_msgs/Header header\n",
             $("float64 ", stringify!($field), "\n",)*
             "uint8 MOVING=0\nuint8 STATIONARY=1\nuint8 motion\n",
+            "uint8 NOBODY=0\nuint8 DETECTOR=1\nuint8 DECLARED=2\nuint8 INTERVAL=3\nuint8 stop_witness\n",
+            "float64 stop_specific_force_ratio\nfloat64 stop_angular_rate_ratio\nfloat64 stop_mean_rate_ratio\n",
+            "float64 stop_speed_ratio\n",
         );
     };
 }
@@ -155,4 +180,40 @@ state_message! {
     attitude_covariance_dd_rad2,
     /// How long the body has been standing, s; 0 when it moves.
     standing_s,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cdr::Endian;
+
+    #[test]
+    fn a_state_without_a_detector_is_read_as_one_that_does_not_know() {
+        let state = State {
+            roll_deg: 1.5,
+            motion: 1,
+            stop_witness: 2,
+            stop_specific_force_ratio: 0.25,
+            stop_angular_rate_ratio: 0.5,
+            stop_mean_rate_ratio: 0.75,
+            stop_speed_ratio: 0.125,
+            ..State::default()
+        };
+        let mut to = CdrWriter::new(Endian::Little);
+        state.write(&mut to);
+        assert_eq!(State::decode(to.bytes()).unwrap(), state);
+        // What was written before: all up to `motion`. The witness and the padding before four doubles follow it.
+        let end = to.bytes().len() - 4 * 8;
+        let before = (0..end)
+            .rev()
+            .find(|&n| to.bytes()[..n].last() == Some(&1))
+            .unwrap();
+        let old = State::decode(&to.bytes()[..before]).unwrap();
+        assert_eq!((old.roll_deg, old.motion, old.stop_witness), (1.5, 1, 0));
+        assert!(old.stop_specific_force_ratio.is_nan() && old.stop_speed_ratio.is_nan());
+        assert!(
+            State::decode(&to.bytes()[..before - 1]).is_err(),
+            "cut in what always was"
+        );
+    }
 }

@@ -62,6 +62,16 @@ pub enum RunError {
         /// Last IMU stamp, s after the run's zero.
         imu_end: f64,
     },
+    /// A detector of stops that looks at more than there is.
+    #[error(
+        "stationary.window_s = {window} s is longer than the log, whose inertial data last {span:.1} s"
+    )]
+    WindowTooLong {
+        /// The window, s.
+        window: f64,
+        /// The inertial data, s.
+        span: f64,
+    },
     /// Data that would give no solution worth the name.
     #[error("{}: {}{}", finding.evidence, finding.consequence, more(*others))]
     Unusable {
@@ -108,6 +118,7 @@ impl RunError {
             RunError::AllWithheld { .. } => "all_withheld",
             RunError::NoOverlap { .. } => "no_overlap",
             RunError::StartOutside { .. } => "start_outside",
+            RunError::WindowTooLong { .. } => "window_too_long",
         }
     }
 
@@ -138,6 +149,7 @@ impl RunError {
                 "the clocks differ: take the recorder's with `--time log`, or correct the stamps".into()
             }
             RunError::StartOutside { .. } => "give its time in seconds from the first inertial sample on, or leave it out".into(),
+            RunError::WindowTooLong { .. } => "give a shorter one, a few seconds at most, or none".into(),
             RunError::ImuNotFinite { .. } => "check the driver: the navigator cannot run without inertial data".into(),
         }
     }

@@ -3,7 +3,9 @@
 use super::RunError;
 use super::doubts::doubts;
 use super::plan::Plan;
-use super::report::{Calibrated, Estimate, NoiseReport, RunReport, ScaleReport, Warning};
+use super::report::{
+    Calibrated, Estimate, NoiseReport, RunReport, ScaleReport, StopReport, Warning,
+};
 use super::saved::SavedRun;
 use super::source::{SolutionSink, Source};
 use super::tally::{Tally, Totals};
@@ -53,7 +55,7 @@ impl Plan {
             sink.resume(state);
         }
         let before = from.map_or_else(Totals::default, |saved| saved.totals.clone());
-        let mut tally = Tally::new(sink, self.origin, &self.stops(), before);
+        let mut tally = Tally::new(sink, self.origin, before);
         let mut samples = source.stream(from.map(|saved| &saved.reader), save)?;
         for sample in &mut samples {
             let sample = sample?;
@@ -135,6 +137,11 @@ impl Plan {
             imu_grade_picked: self.grade_picked,
             gyro_arw_deg_per_sqrt_hour: self.noise().gyro_white.to_degrees() * 60.0,
             accel_vrw_m_per_s_per_sqrt_hour: self.noise().accel_white * 60.0,
+            rest_gyro_arw_deg_per_sqrt_hour: self.config.stationary.gyro_arw_deg_per_sqrt_hour,
+            rest_accel_vrw_m_per_s_per_sqrt_hour: self
+                .config
+                .stationary
+                .accel_vrw_m_per_s_per_sqrt_hour,
             imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
             imu_mounting: self.mounting.clone(),
@@ -153,7 +160,7 @@ impl Plan {
                 .map(|f| f.optional_states().map(Calibrated::of).collect())
                 .unwrap_or_default(),
             warnings,
-            config: config_text(&self.config),
+            config: self.config_text(),
         };
         Ok((report, saved))
     }
@@ -242,6 +249,37 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
                 e.not_finite
             ),
             "check the driver",
+        );
+    }
+    if e.flaps > 0 {
+        warn(
+            "stop_topic_flaps",
+            format!(
+                "standing was declared and taken back at once {} times, the first time at {:.1} s: not used",
+                e.flaps, e.first_flap_s
+            ),
+            "look at the topic that declares it, or leave it out with `--topic standing=none`",
+        );
+    }
+    if e.contradicted > 0 {
+        warn(
+            "stop_contradicted",
+            format!(
+                "standing was declared {} times while the vehicle moves by the solution itself, the first time at {:.1} s: not used",
+                e.contradicted, e.first_contradicted_s
+            ),
+            "check `--stop` and stationary.intervals_s, which count from the log's begin, and the topic that declares standing",
+        );
+    }
+    let step = |s: &StopReport| s.gyro_step_deg_per_s.into_iter().fold(0.0, f64::max);
+    let coarsest = tally.stops().iter().map(step).fold(0.0, f64::max);
+    if coarsest > 0.0 {
+        warn(
+            "gyro_quantised",
+            format!(
+                "the gyros' values come in steps of {coarsest:.3}°/s, coarser than their noise: the mean at rest is not their bias, whose sigma was widened"
+            ),
+            "let the driver publish the gyros at their full resolution",
         );
     }
     if let Some(a) = tally

@@ -20,6 +20,7 @@ mod plan;
 mod report;
 mod saved;
 mod source;
+mod standing;
 mod survey;
 mod tally;
 mod wheels;

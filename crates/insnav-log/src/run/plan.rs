@@ -7,12 +7,13 @@ use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
 use super::report::Warning;
 use super::saved::SavedRun;
 use super::source::Source;
+use super::standing::{check_window, known_standing, outside, state_noise_at_rest};
 use super::survey::Survey;
 use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
 use crate::findings;
 use crate::log::METADATA_T0;
-use crate::{Finding, Mounting, SinkOptions, config_text};
+use crate::{Finding, Mounting, SinkOptions, config_text, config_text_with};
 use insnav_core::config::{Config, NoiseConfig, Nonholonomic, VehicleKind};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::{ImuGrade, ImuNoise};
@@ -50,6 +51,8 @@ pub struct Plan {
     pub grade: ImuGrade,
     /// Whether it was picked from the data.
     pub grade_picked: bool,
+    /// The topic that declares standing, where one is named.
+    pub standing_topic: Option<String>,
     /// How the IMU is mounted, where the log's transforms were taken for it.
     pub mounting: Option<Mounting>,
     /// What is known of the clocks.
@@ -86,7 +89,9 @@ impl Plan {
         config.validate()?;
         let survey = Survey::of(source)?;
         check(&survey)?;
-        let (first, _) = survey.imu_span.ok_or(RunError::NoImu)?;
+        let (first, end) = survey.imu_span.ok_or(RunError::NoImu)?;
+        let span = end.since(first);
+        check_window(&config, span)?;
         let origin = source.origin()?.unwrap_or(first);
         let facts = source.facts()?;
         let findings = findings_of(&facts, &survey, &config, origin, &options.withhold);
@@ -103,6 +108,12 @@ impl Plan {
         });
         config.imu.grade = Some(grade);
         if let Some(floor) = &survey.noise_floor {
+            let epochs = survey.positions.iter().map(|p| p.time).collect();
+            let withholding = Withholding::new(options.withhold.clone(), origin, epochs);
+            let standing = known_standing(&survey, &withholding, &config);
+            let class = config.noise.over(grade);
+            // Before the noise under way takes the place of what the class says.
+            state_noise_at_rest(&mut config, &class, floor, span, standing);
             state_white_noise(&mut config.noise, &grade.noise(), floor);
         }
         let mut lever_arm_known = true;
@@ -127,6 +138,7 @@ impl Plan {
             origin,
             grade,
             grade_picked,
+            standing_topic: source.standing_topic(),
             mounting,
             clocks: Clocks::default(),
             wheels: None,
@@ -163,6 +175,9 @@ impl Plan {
             let told = decide(&mut plan.config, plan.wheels.as_ref());
             plan.warnings.extend(told);
         }
+        let offset = plan.config.gnss.time_offset_s;
+        let told = outside(&plan.config, origin, (first.plus(offset), end.plus(offset)));
+        plan.warnings.extend(told);
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
     }
@@ -187,6 +202,7 @@ impl Plan {
             origin: saved.origin,
             grade: saved.grade,
             grade_picked: saved.grade_picked,
+            standing_topic: source.standing_topic(),
             mounting: saved.mounting.clone(),
             clocks: saved.clocks,
             wheels: saved.wheels,
@@ -213,10 +229,17 @@ impl Plan {
     /// `Config` for a setting outside its range.
     pub(super) fn navigator(&self) -> Result<Navigator, RunError> {
         let noise = self.noise();
-        Ok(match &self.start {
+        let mut navigator = match &self.start {
             Some((time, start)) => start.navigator(&self.config, noise, *time)?,
             None => Navigator::new(&self.config, noise)?,
-        })
+        };
+        navigator.set_origin(self.origin);
+        Ok(navigator)
+    }
+
+    /// The settings as they are used, TOML: what [`crate::parse_config`] and [`crate::LogSettings`] read back.
+    pub fn config_text(&self) -> String {
+        config_text_with(&self.config, self.standing_topic.as_deref())
     }
 
     /// Whether a fix lies before a known start, which has it inside already.
@@ -263,7 +286,7 @@ impl Plan {
         };
         let mut metadata = std::collections::BTreeMap::from([
             (METADATA_T0.to_owned(), self.origin.0.to_string()),
-            ("config".to_owned(), config_text(&self.config)),
+            ("config".to_owned(), self.config_text()),
         ]);
         if self.withhold != Withhold::Nothing {
             metadata.insert("withhold".into(), self.withhold.to_string());

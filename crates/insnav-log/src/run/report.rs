@@ -2,9 +2,12 @@
 
 use crate::Mounting;
 use insnav_core::alignment::HeadingSource;
+use insnav_core::attitude::wrap_angle;
 use insnav_core::filter::BlockInfo;
 use insnav_core::imu::ImuGrade;
 use insnav_core::noise_floor::NoiseFloor;
+use insnav_core::stationary::{Evidence, StopEnd, StopRecord};
+use insnav_core::time::Time;
 use insnav_core::wheeled::WheelReport;
 use serde::{Deserialize, Serialize};
 
@@ -126,14 +129,64 @@ pub struct AlignmentReport {
 pub struct StopReport {
     /// Begin, s.
     pub begin_s: f64,
+    /// From when on the filter made use of it, s: a stop is believed only after a while.
+    pub held_from_s: f64,
     /// End, s.
     pub end_s: f64,
-    /// Heading at the begin, degrees.
-    pub heading_before_deg: Option<f64>,
+    /// Why it ended.
+    pub ended_by: StopEnd,
+    /// Who said that the vehicle stood, and what the detector saw then.
+    pub evidence: Evidence,
+    /// Heading just before the filter made use of the stop, degrees.
+    pub heading_before_deg: f64,
+    /// Its standard deviation, degrees.
+    pub sigma_heading_before_deg: f64,
+    /// Correction of the heading when the stop was entered, degrees.
+    pub heading_at_entry_deg: f64,
+    /// Change of the heading while held, without corrections, degrees.
+    pub heading_growth_deg: f64,
+    /// Sum of the corrections while held, degrees.
+    pub heading_corrections_deg: f64,
     /// Heading at the end, degrees.
-    pub heading_after_deg: Option<f64>,
+    pub heading_after_deg: f64,
     /// Standard deviation of the heading at the end, degrees.
-    pub sigma_heading_deg: Option<f64>,
+    pub sigma_heading_deg: f64,
+    /// Gyro bias at the end, degrees per hour, body axes.
+    pub gyro_bias_deg_per_hour: [f64; 3],
+    /// Its standard deviation, degrees per hour.
+    pub sigma_gyro_bias_deg_per_hour: [f64; 3],
+    /// Steps in which the gyros' values come, degrees per second, where these are coarser than their noise; else 0.
+    pub gyro_step_deg_per_s: [f64; 3],
+}
+
+impl StopReport {
+    pub(super) fn new(stop: &StopRecord, origin: Time) -> Self {
+        let compass = |heading: f64| heading.to_degrees().rem_euclid(360.0);
+        let difference = |angle: f64| wrap_angle(angle).to_degrees();
+        let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
+        StopReport {
+            begin_s: stop.begin.since(origin),
+            held_from_s: stop.held_from.since(origin),
+            end_s: stop.end.since(origin),
+            ended_by: stop.ended_by,
+            evidence: stop.evidence,
+            heading_before_deg: compass(stop.heading_before),
+            sigma_heading_before_deg: stop.sigma_heading_before.to_degrees(),
+            heading_at_entry_deg: difference(stop.heading_at_entry),
+            heading_growth_deg: difference(stop.heading_growth),
+            heading_corrections_deg: difference(stop.heading_corrections),
+            heading_after_deg: compass(stop.heading_after),
+            sigma_heading_deg: stop.sigma_heading_after.to_degrees(),
+            gyro_bias_deg_per_hour: stop.gyro_bias.map(per_hour).into(),
+            sigma_gyro_bias_deg_per_hour: stop.sigma_gyro_bias.map(per_hour).into(),
+            gyro_step_deg_per_s: stop.gyro_step.map(f64::to_degrees).into(),
+        }
+    }
+
+    /// Heading at the end less the one before, between -180° and 180°.
+    pub fn heading_change_deg(&self) -> f64 {
+        wrap_angle((self.heading_after_deg - self.heading_before_deg).to_radians()).to_degrees()
+    }
 }
 
 /// What became of one kind of measurement.
@@ -251,6 +304,10 @@ pub struct RunReport {
     pub gyro_arw_deg_per_sqrt_hour: f64,
     /// White noise of the accelerometers that the run used, m/s/√h.
     pub accel_vrw_m_per_s_per_sqrt_hour: f64,
+    /// White noise of the gyros at rest, by which stops are told, °/√h; absent: that of the run.
+    pub rest_gyro_arw_deg_per_sqrt_hour: Option<f64>,
+    /// Of the accelerometers, m/s/√h, likewise.
+    pub rest_accel_vrw_m_per_s_per_sqrt_hour: Option<f64>,
     /// What the log's own noise is; absent for logs of a few seconds.
     pub imu_noise: Option<NoiseReport>,
     /// Lever arm used, forward-right-down, m.
@@ -259,7 +316,7 @@ pub struct RunReport {
     pub imu_mounting: Option<Mounting>,
     /// The start.
     pub alignment: Option<AlignmentReport>,
-    /// Stops, by GNSS speed below 0.1 m/s.
+    /// Stops, in order of time.
     pub stops: Vec<StopReport>,
     /// Measurements.
     pub aiding: Vec<AidingReport>,
@@ -284,4 +341,46 @@ pub struct RunReport {
     pub warnings: Vec<Warning>,
     /// The settings as they were used, TOML.
     pub config: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn headings_of_a_stop_are_those_of_a_compass_and_their_differences_the_short_way() {
+        let deg = f64::to_radians;
+        let stop = StopRecord {
+            begin: Time::from_seconds(110.0),
+            held_from: Time::from_seconds(112.5),
+            end: Time::from_seconds(150.0),
+            ended_by: StopEnd::Motion,
+            evidence: Evidence::default(),
+            heading_before: deg(-0.5),
+            sigma_heading_before: deg(0.4),
+            heading_at_entry: deg(359.9),
+            heading_growth: deg(0.01),
+            heading_corrections: deg(-360.2),
+            heading_after: deg(1.0),
+            sigma_heading_after: deg(0.3),
+            gyro_bias: Vector3::new(0.0, 0.0, deg(10.0 / 3600.0)),
+            sigma_gyro_bias: Vector3::repeat(deg(1.0 / 3600.0)),
+            gyro_step: Vector3::zeros(),
+        };
+        let told = StopReport::new(&stop, Time::from_seconds(100.0));
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert_eq!(
+            (told.begin_s, told.held_from_s, told.end_s),
+            (10.0, 12.5, 50.0)
+        );
+        assert!(near(told.heading_before_deg, 359.5) && near(told.heading_after_deg, 1.0));
+        assert!(near(told.heading_change_deg(), 1.5));
+        assert!(near(told.heading_at_entry_deg, -0.1) && near(told.heading_corrections_deg, -0.2));
+        assert!(near(told.gyro_bias_deg_per_hour[2], 10.0));
+        let json = serde_json::to_value(told).unwrap();
+        assert_eq!(json["ended_by"], "motion");
+        assert_eq!(json["evidence"]["witness"], "nobody");
+        assert!(json["evidence"]["mean_rate"].is_null(), "{json}");
+    }
 }

@@ -82,6 +82,11 @@ pub trait Source {
         Ok(None)
     }
 
+    /// The topic that declares standing, if the user names one.
+    fn standing_topic(&self) -> Option<String> {
+        None
+    }
+
     /// How the IMU is mounted, where the source says it and the user does not. The samples are turned by it already.
     fn mounting(&self) -> Result<Option<Mounting>, RunError> {
         Ok(None)
@@ -125,14 +130,15 @@ impl Source for Log {
         // A log that cannot be read says so where it is.
         let mounting = self.mounting_rpy_deg().unwrap_or_default();
         format!(
-            "axes {:?}, mounting {:?}, units {:?}, velocity {:?}, stamps {:?}, window {} s, geoid {} m",
+            "axes {:?}, mounting {:?}, units {:?}, velocity {:?}, stamps {:?}, window {} s, geoid {} m, standing by {}",
             o.imu_axes,
             mounting,
             o.imu_units,
             o.gnss_velocity_axes,
             o.time_source,
             o.reorder_window_s,
-            o.geoid_height_m
+            o.geoid_height_m,
+            self.standing_topic().unwrap_or("no topic")
         )
     }
 
@@ -142,6 +148,10 @@ impl Source for Log {
 
     fn lever_arm_b(&self) -> Result<Option<Vector3<f64>>, RunError> {
         Ok(Log::lever_arm_b(self)?)
+    }
+
+    fn standing_topic(&self) -> Option<String> {
+        Log::standing_topic(self).map(str::to_owned)
     }
 
     fn mounting(&self) -> Result<Option<Mounting>, RunError> {
@@ -156,6 +166,7 @@ impl Source for Log {
         self.require(Role::Imu)?;
         self.require(Role::GnssPosition)?;
         self.optional(Role::GnssVelocity)?;
+        self.optional(Role::Standing)?;
         Ok(())
     }
 }

@@ -20,6 +20,10 @@ pub struct Survey {
     pub positions: Vec<GnssPosition>,
     /// Velocity fixes, in order.
     pub velocities: Vec<GnssVelocity>,
+    /// Declarations of standing, whichever way.
+    pub standstills: usize,
+    /// Speeds of wheels.
+    pub speeds: usize,
     /// Stops, by GNSS speed below 0.1 m/s; none without GNSS velocity.
     pub stops: Vec<Stop>,
     /// Noise of the inertial unit while it is quietest; `None` on logs of a few seconds.
@@ -58,7 +62,9 @@ impl Survey {
                 }
                 Sample::GnssPosition(p) => survey.positions.push(p),
                 Sample::GnssVelocity(v) => survey.velocities.push(v),
-                _ => {}
+                Sample::Standstill(_) => survey.standstills += 1,
+                Sample::Speed(_) => survey.speeds += 1,
+                Sample::Heading(_) => {}
             }
         }
         survey.late = samples.state().dropped_late();

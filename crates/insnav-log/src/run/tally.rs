@@ -6,10 +6,10 @@ use insnav_core::alignment::Alignment;
 use insnav_core::attitude::Euler;
 use insnav_core::filter::{Update, Verdict};
 use insnav_core::imu::STANDARD_GRAVITY;
-use insnav_core::metrics::Stop;
-use insnav_core::solution::{Epoch, Event, Sink};
+use insnav_core::solution::{Epoch, Event, Motion, Sink};
 use insnav_core::time::Time;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Epochs per second that the tally looks at, whatever the sink wants: enough for way and stops.
 const PERIOD: f64 = 0.1;
@@ -35,16 +35,24 @@ pub(super) struct EventCounts {
     pub(super) too_late: usize,
     pub(super) duplicates: usize,
     pub(super) not_finite: usize,
+    pub(super) flaps: usize,
+    pub(super) first_flap_s: f64,
+    pub(super) contradicted: usize,
+    pub(super) first_contradicted_s: f64,
 }
 
 /// So many are told one by one.
 const MOST_RESETS: usize = 100;
+/// Stops are believed later than they begin, by less than this, s: what seemed way until then is taken back.
+const BELIEVED_WITHIN: f64 = 60.0;
 
 /// All that is counted: what a resumed run takes over.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Totals {
     next_own: Option<Time>,
-    stops: Vec<(Stop, StopReport)>,
+    stops: Vec<StopReport>,
+    /// Of the last minute: instants, and the way up to each from the one before.
+    recent_way: VecDeque<(Time, f64)>,
     aids: Vec<(String, Aid)>,
     first: Option<Time>,
     last: Option<Epoch>,
@@ -67,21 +75,12 @@ pub(super) struct Tally<'a, S> {
 
 impl<'a, S: Sink> Tally<'a, S> {
     /// `before`: what a run that is resumed has counted.
-    pub(super) fn new(sink: &'a mut S, origin: Time, stops: &[Stop], before: Totals) -> Self {
-        let report = |s: &Stop| StopReport {
-            begin_s: s.begin.since(origin),
-            end_s: s.end.since(origin),
-            heading_before_deg: None,
-            heading_after_deg: None,
-            sigma_heading_deg: None,
-        };
-        let mut totals = before;
-        totals.stops.extend(stops.iter().map(|s| (*s, report(s))));
+    pub(super) fn new(sink: &'a mut S, origin: Time, before: Totals) -> Self {
         Tally {
             sink,
             wanted_by_sink: false,
             origin,
-            totals,
+            totals: before,
         }
     }
 
@@ -97,11 +96,7 @@ impl<'a, S: Sink> Tally<'a, S> {
     }
 
     pub(super) fn stops(&self) -> Vec<StopReport> {
-        self.totals
-            .stops
-            .iter()
-            .map(|(_, report)| *report)
-            .collect()
+        self.totals.stops.clone()
     }
 
     pub(super) fn aiding(&self) -> Vec<AidingReport> {
@@ -132,23 +127,16 @@ impl<'a, S: Sink> Tally<'a, S> {
         if let Some(before) = &totals.last {
             let speed =
                 0.5 * (before.nav.velocity_n.xy().norm() + epoch.nav.velocity_n.xy().norm());
-            let standing = totals
-                .stops
-                .iter()
-                .any(|(s, _)| (s.begin..=s.end).contains(&time));
             // The noise of a standing solution's velocity is no way.
-            if !standing {
-                totals.distance_m += speed * time.since(before.nav.time);
+            if epoch.motion == Motion::Moving {
+                let way = speed * time.since(before.nav.time);
+                totals.distance_m += way;
+                totals.recent_way.push_back((time, way));
             }
-        }
-        for (stop, report) in &mut totals.stops {
-            if time < stop.begin || time > stop.end {
-                continue;
+            let old = |(t, _): &(Time, f64)| time.since(*t) > BELIEVED_WITHIN;
+            while totals.recent_way.front().is_some_and(old) {
+                totals.recent_way.pop_front();
             }
-            let heading = epoch.euler().heading_deg();
-            report.heading_before_deg.get_or_insert(heading);
-            report.heading_after_deg = Some(heading);
-            report.sigma_heading_deg = Some(epoch.heading_sigma().to_degrees());
         }
         totals.last = Some(*epoch);
     }
@@ -211,6 +199,27 @@ impl<S: Sink> Sink for Tally<'_, S> {
             Event::TooLate { .. } => totals.events.too_late += 1,
             Event::DuplicateImu { .. } => totals.events.duplicates += 1,
             Event::NotFinite { .. } => totals.events.not_finite += 1,
+            Event::StopBegan { begin, .. } => {
+                let recent = &mut totals.recent_way;
+                let before = recent.partition_point(|(t, _)| t <= begin);
+                let taken: f64 = recent.drain(before..).map(|(_, way)| way).sum();
+                totals.distance_m -= taken;
+            }
+            Event::StopEnded(stop) => totals.stops.push(StopReport::new(stop, self.origin)),
+            Event::StandstillFlaps { time } => {
+                let counts = &mut totals.events;
+                if counts.flaps == 0 {
+                    counts.first_flap_s = time.since(self.origin);
+                }
+                counts.flaps += 1;
+            }
+            Event::StandstillContradicted { time, .. } => {
+                let counts = &mut totals.events;
+                if counts.contradicted == 0 {
+                    counts.first_contradicted_s = time.since(self.origin);
+                }
+                counts.contradicted += 1;
+            }
             Event::PositionReset { time, offset_n } if totals.resets.len() < MOST_RESETS => {
                 totals.resets.push(ResetReport {
                     time_s: time.since(self.origin),

@@ -49,7 +49,13 @@ impl Diagnostics {
             Some(gap) => (1, format!("no GNSS for {gap:.0} s, dead reckoning")),
             None => (1, "no GNSS yet".to_owned()),
         };
-        let values = vec![
+        let message = match epoch.motion {
+            Motion::Moving => message,
+            Motion::Stationary { since } => {
+                format!("standing for {:.0} s, {message}", time.since(since))
+            }
+        };
+        let mut values = vec![
             ("sigma_horizontal_m", format!("{horizontal:.3}")),
             ("sigma_height_m", format!("{:.3}", p[2].max(0.0).sqrt())),
             (
@@ -69,6 +75,9 @@ impl Diagnostics {
             ("updates_inflated", self.inflated.to_string()),
             ("updates_rejected", self.rejected.to_string()),
         ];
+        if let Motion::Stationary { since } = epoch.motion {
+            values.push(("standing_since_unix_s", format!("{:.3}", since.seconds())));
+        }
         (self.accepted, self.inflated, self.rejected) = (0, 0, 0);
         Some(Report {
             level,

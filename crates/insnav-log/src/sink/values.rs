@@ -5,6 +5,7 @@ use crate::ros2::{CovarianceType, Header, NavSatFix, State};
 use insnav_core::earth::Geodetic;
 use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::solution::{Epoch, Motion};
+use insnav_core::stationary::Witness;
 use nalgebra::{Matrix3, Vector3};
 
 /// A position and its NED covariance as a message.
@@ -99,5 +100,15 @@ pub(super) fn state_message<'a>(epoch: &Epoch, header: Header<'a>) -> State<'a> 
             Motion::Stationary { since } => nav.time.since(since),
         },
         motion: u8::from(epoch.motion != Motion::Moving),
+        stop_witness: match epoch.evidence.witness {
+            Witness::Nobody => 0,
+            Witness::Detector => 1,
+            Witness::Declared => 2,
+            Witness::Interval => 3,
+        },
+        stop_specific_force_ratio: epoch.evidence.specific_force,
+        stop_angular_rate_ratio: epoch.evidence.angular_rate,
+        stop_mean_rate_ratio: epoch.evidence.mean_rate,
+        stop_speed_ratio: epoch.evidence.speed,
     }
 }

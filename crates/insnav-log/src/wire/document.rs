@@ -185,7 +185,7 @@ impl<'a> Fields<'a> {
                 _ => format!("{prefix}.{name}"),
             };
             match node.value {
-                Value::Integer(_) | Value::Float(_) => paths.push(path),
+                Value::Bool(_) | Value::Integer(_) | Value::Float(_) => paths.push(path),
                 Value::Object | Value::Array => self.collect_paths(index, &path, paths),
                 _ => {}
             }
@@ -396,6 +396,10 @@ impl<'a> Wire<'a> for Fields<'a> {
 
     fn u16(&mut self, field: &'static str) -> Result<u16, DecodeError> {
         self.integer(field, "a whole number from 0 to 65535")
+    }
+
+    fn f32(&mut self, field: &'static str) -> Result<f32, DecodeError> {
+        Ok(self.f64(field)? as f32)
     }
 
     fn f64(&mut self, field: &'static str) -> Result<f64, DecodeError> {

@@ -29,6 +29,8 @@ pub trait Wire<'a>: Sized {
     fn u8(&mut self, field: &'static str) -> Result<u8, DecodeError>;
     /// A 16-bit unsigned number.
     fn u16(&mut self, field: &'static str) -> Result<u16, DecodeError>;
+    /// A 32-bit floating-point number.
+    fn f32(&mut self, field: &'static str) -> Result<f32, DecodeError>;
     /// A 64-bit floating-point number.
     fn f64(&mut self, field: &'static str) -> Result<f64, DecodeError>;
     /// A fixed-size array of numbers.
@@ -58,6 +60,12 @@ pub trait Wire<'a>: Sized {
         smallest: usize,
         read: impl FnMut(&mut Self) -> Result<T, DecodeError>,
     ) -> Result<Vec<T>, DecodeError>;
+
+    /// True or false: a byte where there are bytes.
+    #[inline]
+    fn bool(&mut self, field: &'static str) -> Result<bool, DecodeError> {
+        Ok(self.u8(field)? != 0)
+    }
 
     /// What `read` gives, or `absent` on a wire that may leave a field out and does.
     #[inline]

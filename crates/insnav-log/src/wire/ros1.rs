@@ -80,6 +80,11 @@ impl<'a> Wire<'a> for Ros1Reader<'a> {
     }
 
     #[inline]
+    fn f32(&mut self, _: &'static str) -> Result<f32, DecodeError> {
+        Ok(f32::from_le_bytes(self.array()?))
+    }
+
+    #[inline]
     fn f64(&mut self, _: &'static str) -> Result<f64, DecodeError> {
         Ok(f64::from_le_bytes(self.array()?))
     }

@@ -1,6 +1,7 @@
 //! Messages become samples: units, axes, order, encodings, and what is dropped and counted on the way.
 
 mod axes;
+mod declared;
 mod devices;
 mod encodings;
 mod foreign_bytes;

@@ -1,0 +1,188 @@
+//! What the settings say of stops, against what the log holds: noise at rest, declared intervals, the detector's window.
+
+use super::RunError;
+use super::report::Warning;
+use super::survey::Survey;
+use super::withhold::Withholding;
+use insnav_core::config::{Config, DetectorKind};
+use insnav_core::imu::ImuNoise;
+use insnav_core::metrics::StopFinder;
+use insnav_core::noise_floor::NoiseFloor;
+use insnav_core::time::Time;
+use nalgebra::Vector3;
+
+/// The quietest tenth of a log is a body at rest where the body rests for as long, and for so long at least, s: fewer
+/// stretches are not judged.
+const QUIET_SHARE: f64 = 0.1;
+const QUIET_LEAST: f64 = 10.0;
+/// An interval may begin or end so far outside the log, s: first stamps are never quite round.
+const OUTSIDE: f64 = 1.0;
+
+/// Seconds for which the body is known to stand: by GNSS speed where that is not withheld, or as declared.
+pub(super) fn known_standing(survey: &Survey, withholding: &Withholding, config: &Config) -> f64 {
+    let mut finder = StopFinder::default();
+    for v in &survey.velocities {
+        if !withholding.takes(v.time) {
+            finder.push_speed(v.time, v.velocity_n.xy().norm());
+        }
+    }
+    let seen: f64 = finder.finish().iter().map(|s| s.end.since(s.begin)).sum();
+    let declared = config.stationary.intervals_s.as_slice();
+    seen.max(declared.iter().map(|[begin, end]| end - begin).sum())
+}
+
+/// Where the settings leave the noise at rest open: what the quietest tenth of the log shows. A log that never stands has
+/// vibration there, which is no noise of the unit: then that of its class, if it is less.
+pub(super) fn state_noise_at_rest(
+    config: &mut Config,
+    class: &ImuNoise,
+    floor: &NoiseFloor,
+    span: f64,
+    standing: f64,
+) {
+    let rests = standing >= QUIET_LEAST.max(QUIET_SHARE * span);
+    let choose = |seen: &Vector3<f64>, class: f64| {
+        // Root of the mean square: the detectors add up all axes.
+        let seen = seen.norm() / 3.0_f64.sqrt();
+        match seen > 0.0 && (rests || seen < class) {
+            true => seen,
+            false => class,
+        }
+    };
+    let gyro = choose(&floor.gyro_white, class.gyro_white);
+    let accel = choose(&floor.accel_white, class.accel_white);
+    let stationary = &mut config.stationary;
+    stationary
+        .gyro_arw_deg_per_sqrt_hour
+        .get_or_insert(gyro.to_degrees() * 60.0);
+    stationary
+        .accel_vrw_m_per_s_per_sqrt_hour
+        .get_or_insert(accel * 60.0);
+}
+
+/// Refuse a window that the log does not fill once.
+pub(super) fn check_window(config: &Config, span: f64) -> Result<(), RunError> {
+    let stationary = config.stationary;
+    match stationary.window_s {
+        Some(window) if window > span && stationary.detector != DetectorKind::None => {
+            Err(RunError::WindowTooLong { window, span })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Declared intervals that the inertial data do not cover: `span` is theirs, on the solution's clock.
+pub(super) fn outside(config: &Config, origin: Time, span: (Time, Time)) -> Option<Warning> {
+    let (begin, end) = (span.0.since(origin), span.1.since(origin));
+    let beyond: Vec<String> = config
+        .stationary
+        .intervals_s
+        .as_slice()
+        .iter()
+        .filter(|[a, b]| *a < begin - OUTSIDE || *b > end + OUTSIDE)
+        .map(|[a, b]| format!("{a}:{b}"))
+        .collect();
+    (!beyond.is_empty()).then(|| Warning {
+        code: "stop_outside",
+        message: format!(
+            "declared to stand at {} s, outside the inertial data, which last from {begin:.1} to {end:.1} s",
+            beyond.join(", ")
+        ),
+        remedy: "intervals count in seconds from the begin of the log; check them (`--stop`, stationary.intervals_s)".into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insnav_core::config::Intervals;
+    use insnav_core::imu::ImuGrade;
+
+    fn floor(gyro: f64, accel: f64) -> NoiseFloor {
+        NoiseFloor {
+            rate: 100.0,
+            gyro_white: Vector3::repeat(gyro),
+            accel_white: Vector3::repeat(accel),
+            gyro_shaken: 10.0 * gyro,
+            accel_shaken: 10.0 * accel,
+            gyro_mean: Vector3::zeros(),
+            force: 9.81,
+            gyro_step: Vector3::zeros(),
+            accel_step: Vector3::zeros(),
+            stretches: 100,
+        }
+    }
+
+    fn at_rest(floor: &NoiseFloor, standing: f64) -> [f64; 2] {
+        let mut config = Config::default();
+        let class = ImuGrade::Industrial.noise();
+        state_noise_at_rest(&mut config, &class, floor, 600.0, standing);
+        let s = config.stationary;
+        [
+            s.gyro_arw_deg_per_sqrt_hour.unwrap(),
+            s.accel_vrw_m_per_s_per_sqrt_hour.unwrap(),
+        ]
+    }
+
+    #[test]
+    fn a_floor_is_noise_where_the_body_rests_and_vibration_where_it_does_not() {
+        let class = ImuGrade::Industrial.noise();
+        let near =
+            |a: [f64; 2], b: [f64; 2]| a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 1e-9);
+        let better = floor(0.5 * class.gyro_white, 0.5 * class.accel_white);
+        let worse = floor(3.0 * class.gyro_white, 3.0 * class.accel_white);
+        // °/√h and m/s/√h of the class.
+        let of_class = [0.15, 0.1];
+        let times = |k: f64| of_class.map(|x| k * x);
+        assert!(near(at_rest(&better, 0.0), times(0.5)));
+        assert!(near(at_rest(&better, 100.0), times(0.5)));
+        assert!(
+            near(at_rest(&worse, 100.0), times(3.0)),
+            "an engine that idles"
+        );
+        assert!(near(at_rest(&worse, 59.0), times(1.0)), "a road");
+        // A simulation without noise leaves nothing to go by.
+        assert!(near(at_rest(&floor(0.0, 0.0), 100.0), times(1.0)));
+    }
+
+    #[test]
+    fn what_is_set_stays() {
+        let mut config = Config::default();
+        config.stationary.gyro_arw_deg_per_sqrt_hour = Some(7.0);
+        let class = ImuGrade::Industrial.noise();
+        state_noise_at_rest(&mut config, &class, &floor(1e-5, 1e-4), 600.0, 600.0);
+        assert_eq!(config.stationary.gyro_arw_deg_per_sqrt_hour, Some(7.0));
+        assert!(config.stationary.accel_vrw_m_per_s_per_sqrt_hour.is_some());
+    }
+
+    #[test]
+    fn intervals_beyond_the_log_are_told_with_its_span() {
+        let mut config = Config::default();
+        let judge = |config: &mut Config, list: &[[f64; 2]]| {
+            config.stationary.intervals_s = Intervals::new(list).unwrap();
+            let at = Time::from_seconds;
+            outside(config, at(100.0), (at(100.01), at(400.0))).map(|w| w.message)
+        };
+        assert_eq!(judge(&mut config, &[[0.0, 300.5]]), None);
+        let told = judge(&mut config, &[[10.0, 20.0], [250.0, 310.0]]).unwrap();
+        assert!(
+            told.contains("250:310") && told.contains("0.0 to 300.0") && !told.contains("10:20"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_window_longer_than_the_log_is_refused() {
+        let mut config = Config::default();
+        assert!(check_window(&config, 1.0).is_ok(), "left open");
+        config.stationary.window_s = Some(30.0);
+        assert!(check_window(&config, 30.0).is_ok());
+        let error = check_window(&config, 29.9).unwrap_err();
+        assert!(error.to_string().contains("30 s") && error.to_string().contains("29.9 s"));
+        config.stationary.detector = DetectorKind::None;
+        assert!(
+            check_window(&config, 29.9).is_ok(),
+            "nobody looks through it"
+        );
+    }
+}
