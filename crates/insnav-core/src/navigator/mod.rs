@@ -21,7 +21,7 @@ use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, Nonholono
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
-use crate::stationary::{Belief, Evidence, GnssSpeed, StopDetector, StopEnd};
+use crate::stationary::{Belief, Evidence, GnssSpeed, LOOK_AHEAD, StopDetector, StopEnd};
 use crate::time::Time;
 use horizon::{Horizon, NotTaken};
 use nalgebra::{Matrix3, Vector3};
@@ -29,8 +29,6 @@ use optional_states::OptionalStates;
 use serde::{Deserialize, Serialize};
 use standing::Standing;
 
-/// So far ahead of the filter are stops looked for, s: motion is seen before the filter comes to it.
-const LOOK_AHEAD: f64 = 0.5;
 /// Between the head and the tail, s, on top of what the clocks differ by: room for late samples before the look ahead.
 const DELAY: f64 = 0.5 + LOOK_AHEAD;
 
@@ -338,6 +336,9 @@ impl Navigator {
         while let Some(sample) = self.horizon.look_ahead(next.time().plus(LOOK_AHEAD)) {
             self.detector.observe(sample, &belief);
         }
+        while let Some(notice) = self.detector.take_notice() {
+            sink.event(&notice.into());
+        }
         let last = self.builder.time();
         #[cfg(feature = "std")]
         if let Some(from) = last
@@ -371,7 +372,8 @@ impl Navigator {
                 rest = Some(held_over_gap(increment));
             }
         }
-        let (motion, evidence) = (self.detector.motion(), self.detector.evidence());
+        let motion = self.detector.advance(filter.nominal().nav.time);
+        let evidence = self.detector.evidence();
         let followed = self.standing.follow(motion, evidence, filter, sink);
         failed = failed.or(followed.err());
         while let Some(aid) = self.horizon.pop_aiding() {
@@ -417,7 +419,9 @@ impl Navigator {
         if let Some(increment) = rest {
             failed = failed.or(self.standing.propagate(&increment, filter, sink).err());
         }
-        let observed = self.standing.observe(&Vector3::zeros(), filter, sink);
+        let observed = self
+            .standing
+            .observe(&self.detector.gyro_step(), filter, sink);
         failed = failed.or(observed.err());
         if let Some(outcome) = self
             .nonholonomic
@@ -431,11 +435,7 @@ impl Navigator {
             }
         }
         if next.time() >= now && sink.wants_epoch(next.time()) {
-            let motion = match self.standing.motion() {
-                Motion::Moving => self.speed.motion_at(next.time()),
-                standing => standing,
-            };
-            let mut epoch = epoch(filter, motion, evidence);
+            let mut epoch = epoch(filter, self.standing.motion(), evidence);
             let beyond = self.position.beyond_filter(filter.covariance().layout());
             let mut position = epoch.covariance.fixed_view_mut::<3, 3>(0, 0);
             position += beyond;

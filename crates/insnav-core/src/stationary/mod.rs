@@ -1,11 +1,29 @@
 //! Does the body stand, and what is made of it?
 
+pub mod are;
+mod composite;
+mod declared;
 mod evidence;
+pub mod glrt;
 mod gnss_speed;
+mod inertial;
+mod learnt;
+mod low_pass;
+pub mod mag;
+pub mod mv;
+pub mod quantile;
+mod quantised;
+mod rest_noise;
+mod speed;
 mod stop_detector;
 mod stop_record;
+mod window;
 
+pub use declared::Notice;
 pub use evidence::{Evidence, Witness};
 pub use gnss_speed::{GnssSpeed, Heard, STANDING_SPEED};
-pub use stop_detector::{Belief, StopDetector};
+pub use quantised::GyroSteps;
+pub use rest_noise::RestNoise;
+pub use stop_detector::{Belief, LOOK_AHEAD, StopDetector};
 pub use stop_record::{StopEnd, StopRecord};
+pub use window::Moments;

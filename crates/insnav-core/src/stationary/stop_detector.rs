@@ -1,13 +1,27 @@
 //! Does the body stand? Everything that speaks for a stop or against it, in one place.
 
+use super::declared::{Declared, Notice};
+use super::inertial::InertialTests;
+use super::learnt::Learnt;
+use super::rest_noise::RestNoise;
+use super::speed::{Said, SpeedWitness};
 use super::{Evidence, Witness};
-use crate::config::StationaryConfig;
+use crate::config::{DetectorKind, StationaryConfig, VehicleKind};
 use crate::imu::ImuNoise;
 use crate::sample::Sample;
 use crate::solution::Motion;
 use crate::time::Time;
+use heapless::Deque;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+
+/// So far ahead of the filter are stops looked for, s: motion is seen before the filter comes to it.
+pub const LOOK_AHEAD: f64 = 0.5;
+/// A longer interval between inertial samples ends a stop, s.
+const GAP: f64 = 0.2;
+/// A declaration is held against the filter's velocity this much before the filter is there, s: less would cost the first
+/// sample of the stop where stamps do not meet.
+const JUDGED_EARLY: f64 = 0.05;
 
 /// What the filter believes, about half a second before the sample that the detector looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,64 +36,263 @@ pub struct Belief {
     pub velocity_covariance_n: Matrix3<f64>,
 }
 
+/// A stop that the detector sees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Standing {
+    since: Time,
+    /// Those of LPMV and LPGV at the entry: what was allowed then is allowed to the end.
+    thresholds: [f64; 2],
+}
+
+/// A stretch of standing as the filter may use it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Stretch {
+    begin: Time,
+    /// `None` while it lasts.
+    end: Option<Time>,
+}
+
 /// Takes all samples in the order of time, ahead of the filter, and says whether the body stands.
+///
+/// A stop is believed when the test of the settings agrees for a window and [`StationaryConfig::entry_s`] more, and nothing
+/// that knows the speed objects: GNSS, wheels, or, where neither speaks, the filter itself. It then began where the first
+/// agreeing window began. It ends at the first violation, also of a window of 0.2 s; at a hole in the inertial data; when
+/// GNSS or wheels say so.
+///
+/// A window shorter than the look ahead is taken to be that of a foot on the ground: its noise is that of a stance, it is older than the filter's velocity by the time that it is
+/// judged, and the foot stands while its wearer walks: such windows ask nobody about the speed.
+///
+/// Declarations count beside it. A topic that says "moving" forbids the detector nothing: a parking brake that is released
+/// does not start a car. Wheels that turn do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopDetector {
-    intervals: crate::config::Intervals,
-    origin: Option<Time>,
-    declared: Option<Time>,
-    motion: Motion,
+    kind: DetectorKind,
+    entry: f64,
+    adaptive: bool,
+    speed_limit: f64,
+    asks_speed: bool,
+    tests: InertialTests,
+    speed: SpeedWitness,
+    learnt: Learnt,
+    declared: Declared,
+    agreed_since: Option<Time>,
+    standing: Option<Standing>,
+    /// Stretches that the filter has not passed yet.
+    stretches: Deque<Stretch, 8>,
+    /// The last hole, and the inertial sample before the next.
+    gap: Option<(Time, Time)>,
+    now: Option<Time>,
+    held: Option<(Time, Witness)>,
     evidence: Evidence,
 }
 
 impl StopDetector {
-    /// From the settings; `noise` is that of the inertial unit at rest where the settings do not say it.
-    pub fn new(config: &StationaryConfig, _noise: &ImuNoise) -> Self {
+    /// From the settings; `noise` is that of the inertial unit at rest where the settings do not say it. What is left open in
+    /// the settings is as on a car.
+    pub fn new(config: &StationaryConfig, noise: &ImuNoise) -> Self {
+        let config = config.for_vehicle(VehicleKind::Car);
+        let kind = config.detector;
+        let window = config.window_s.unwrap_or(2.0);
+        let stance = window < LOOK_AHEAD;
+        let rest = RestNoise::new(&config, stance, noise);
         StopDetector {
-            intervals: config.intervals_s,
-            origin: None,
-            declared: None,
-            motion: Motion::Moving,
+            kind,
+            entry: config.entry_s.unwrap_or_default(),
+            adaptive: config.adaptive && kind == DetectorKind::Composite,
+            speed_limit: config.speed_m_per_s,
+            asks_speed: !stance,
+            tests: InertialTests::new(kind, window, config.threshold_scale, rest),
+            speed: SpeedWitness::default(),
+            learnt: Learnt::default(),
+            declared: Declared::new(config.intervals_s),
+            agreed_since: None,
+            standing: None,
+            stretches: Deque::new(),
+            gap: None,
+            now: None,
+            held: None,
             evidence: Evidence::default(),
         }
     }
 
     /// Zero of the seconds of intervals; else the first inertial stamp.
     pub fn set_origin(&mut self, origin: Time) {
-        self.origin = Some(origin);
+        self.declared.set_origin(origin);
     }
 
     /// Take a sample. Stamps must not run backward.
-    pub fn observe(&mut self, sample: &Sample, _belief: &Belief) {
-        let now = sample.time();
-        if sample.is_inertial() {
-            let origin = *self.origin.get_or_insert(now);
-            let t = now.since(origin);
-            let interval = self
-                .intervals
-                .as_slice()
-                .iter()
-                .find(|i| i[0] <= t && t <= i[1]);
-            let since = self.declared.or(interval.map(|i| origin.plus(i[0])));
-            self.motion = since.map_or(Motion::Moving, |since| Motion::Stationary { since });
-            self.evidence.witness = match (self.declared, interval) {
-                (Some(_), _) => Witness::Declared,
-                (None, Some(_)) => Witness::Interval,
-                (None, None) => Witness::Nobody,
-            };
-        }
-        if let Sample::Standstill(s) = sample {
-            self.declared = s.standing.then_some(self.declared.unwrap_or(now));
+    pub fn observe(&mut self, sample: &Sample, belief: &Belief) {
+        match sample {
+            Sample::Imu(s) => {
+                self.inertial(s.time, belief, |_| (s.specific_force_b, s.angular_rate_b));
+            }
+            Sample::ImuIncrement(s) => {
+                self.inertial(s.time, belief, |dt| (s.velocity_b / dt, s.angle_b / dt));
+            }
+            Sample::GnssVelocity(fix) => self.speed.observe_gnss(fix),
+            Sample::Speed(speed) => self.speed.observe_wheels(speed),
+            Sample::Standstill(said) => self.declared.observe(said),
+            Sample::GnssPosition(_) | Sample::Heading(_) => {}
         }
     }
 
-    /// Whether the body stands, after the last sample, and since when.
+    /// Whether the body stands where the filter is now, at `at`, and since when.
+    ///
+    /// Exact at the ends of declared stops, which the look ahead alone cannot be.
+    pub fn advance(&mut self, at: Time) -> Motion {
+        while let Some(oldest) = self.stretches.front()
+            && oldest.end.is_some_and(|end| end <= at)
+        {
+            self.stretches.pop_front();
+        }
+        let seen = self
+            .stretches
+            .iter()
+            .find(|s| s.begin <= at && s.end.is_none_or(|end| at < end))
+            .map(|s| (s.begin, Witness::Detector));
+        let wheels_turn = self.speed.wheels(at).is_some_and(|v| v > self.speed_limit);
+        let declared = self
+            .declared
+            .standing_at(at)
+            .filter(|(_, witness)| *witness == Witness::Interval || !wheels_turn);
+        let said = declared.or(seen);
+        self.held = match (self.held, said, self.gap) {
+            // A hole separates two stops.
+            (_, _, Some((from, to))) if from < at && at <= to => None,
+            (Some((since, _)), Some((_, witness)), _) => Some((since, witness)),
+            (None, Some((since, witness)), Some((_, to))) => Some((since.max(to), witness)),
+            (None, said, _) => said,
+            (_, None, _) => None,
+        };
+        self.evidence.witness = self.held.map_or(Witness::Nobody, |(_, witness)| witness);
+        self.motion()
+    }
+
+    /// What [`advance`](Self::advance) said last, or would have said half a second before the last sample.
     pub fn motion(&self) -> Motion {
-        self.motion
+        self.held
+            .map_or(Motion::Moving, |(since, _)| Motion::Stationary { since })
     }
 
-    /// What speaks for it.
+    /// What speaks for it, as of the last sample.
     pub fn evidence(&self) -> Evidence {
         self.evidence
+    }
+
+    /// Steps in which the gyros' values come, rad/s, where these are coarser than their noise; else 0.
+    pub fn gyro_step(&self) -> Vector3<f64> {
+        self.tests.gyro_step()
+    }
+
+    /// Something about declared stops that is worth telling, once.
+    pub fn take_notice(&mut self) -> Option<Notice> {
+        self.declared.take_notice()
+    }
+
+    fn inertial(
+        &mut self,
+        now: Time,
+        belief: &Belief,
+        reading: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
+    ) {
+        let Some(last) = self.now.replace(now) else {
+            self.declared.begin_at(now);
+            return;
+        };
+        let dt = now.since(last);
+        if dt <= 0.0 {
+            return;
+        }
+        if dt > GAP {
+            self.gap = Some((last, now));
+            self.end(last);
+            self.tests.clear();
+        } else if self.kind != DetectorKind::None {
+            let (force, rate) = reading(dt);
+            let moved = self.tests.push(dt, &force, &rate);
+            if moved.anew {
+                self.end(last);
+            } else if moved.long || moved.short {
+                self.judge(now, belief, moved.long);
+            }
+        }
+        let early = JUDGED_EARLY.max(1.5 * dt).min(LOOK_AHEAD);
+        self.declared.judge(now.plus(early - LOOK_AHEAD), belief);
+        self.advance(now.plus(-LOOK_AHEAD));
+    }
+
+    fn judge(&mut self, now: Time, belief: &Belief, long_moved: bool) {
+        let said = if self.asks_speed {
+            self.speed.said(now, self.speed_limit, belief)
+        } else {
+            Said::NOT_ASKED
+        };
+        if self.standing.is_some()
+            && (said.moving.is_some_and(|m| m > 1.0) || self.tests.short(belief) > 1.0)
+        {
+            self.end(now);
+        }
+        if !long_moved {
+            return;
+        }
+        let fixed = self.tests.fixed();
+        let thresholds = match self.standing {
+            Some(standing) => standing.thresholds,
+            None if self.adaptive && said.moving.is_some() => self.learnt.raise(fixed),
+            None => [fixed; 2],
+        };
+        let Some(ratios) = self.tests.long(belief, thresholds) else {
+            return;
+        };
+        if self.adaptive {
+            self.learnt.observe(now, said.confirmed, ratios.variances);
+        }
+        // Once it stands the filter's own velocity is that of a standing body.
+        let speed = match self.standing {
+            Some(_) => said.moving.unwrap_or(0.0),
+            None => said.before_entry,
+        };
+        self.evidence = Evidence {
+            witness: self.evidence.witness,
+            specific_force: ratios.specific_force,
+            angular_rate: ratios.angular_rate,
+            mean_rate: ratios.mean_rate,
+            speed,
+        };
+        if ratios.largest().max(speed) >= 1.0 {
+            self.end(now);
+            self.agreed_since = None;
+            return;
+        }
+        if self.standing.is_some() {
+            self.tests.learn_level(ratios.variances, false);
+            return;
+        }
+        let since = *self.agreed_since.get_or_insert(now.plus(-ratios.span));
+        // Stamps are whole nanoseconds.
+        if now.since(since) + 1e-6 >= ratios.span + self.entry {
+            self.tests.learn_level(ratios.variances, true);
+            self.standing = Some(Standing { since, thresholds });
+            if self.stretches.is_full() {
+                self.stretches.pop_front();
+            }
+            let _ = self.stretches.push_back(Stretch {
+                begin: since,
+                end: None,
+            });
+        }
+    }
+
+    /// The stop ends, if there is one: for the filter where it is now, so that it never sees the start; behind a short window
+    /// as of now, since such stops are over before the filter comes to them.
+    fn end(&mut self, now: Time) {
+        self.agreed_since = None;
+        if self.standing.take().is_none() {
+            return;
+        }
+        let lead = if self.asks_speed { LOOK_AHEAD } else { 0.0 };
+        if let Some(last) = self.stretches.back_mut() {
+            last.end = Some(now.plus(-lead));
+        }
     }
 }

@@ -1,0 +1,83 @@
+//! The composite: variances below 5 Hz, and the mean rate against the gyro bias.
+//!
+//! An engine that idles shakes a body far above its sensors' noise, but far above 5 Hz too; what moves on wheels shakes
+//! below. A steady turn shows in the mean rate alone. Smooth straight motion shows in none of the three: speed must tell.
+//!
+//! With B the noise bandwidth of the low-pass, W the window, d_a and d_g the densities of the noise:
+//! LPMV = var f / (2 B d_a²), LPGV = var ω / (2 B d_g²), sums over three axes, and
+//! GY = (ω̄ − b)ᵀ (I (d_g²/W + ε²) + P_b)⁻¹ (ω̄ − b), with b the rate that the filter expects at rest, P_b its covariance and
+//! ε = 0.01 °/s for what a bias does within a stop.
+
+use super::low_pass::LowPass;
+use super::quantile::{ONE_IN_1E3, of_squares};
+use super::rest_noise::RestNoise;
+use super::window::Moments;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{Matrix3, Vector3};
+
+/// Bias wander and sway within a stop, rad/s.
+const BIAS_WANDER: f64 = 0.01 / 180.0 * core::f64::consts::PI;
+
+/// LPMV and LPGV of a window of low-passed samples, about a point or about their mean.
+pub(super) fn variances(
+    m: &Moments,
+    about: Option<(&Vector3<f64>, &Vector3<f64>)>,
+    noise: &RestNoise,
+    low_pass: &LowPass,
+) -> [f64; 2] {
+    let (force, rate) = match about {
+        Some((force, rate)) => (m.force_spread(force), m.rate_spread(rate)),
+        None => (
+            m.force_spread(&m.mean_force()),
+            m.rate_spread(&m.mean_rate()),
+        ),
+    };
+    let two_b = 2.0 * low_pass.noise_bandwidth();
+    [
+        force / (two_b * noise.accel_white.powi(2)),
+        rate / (two_b * noise.gyro_white.powi(2)),
+    ]
+}
+
+/// What LPMV and LPGV are at rest in the mean: the mean of the window takes 1/(2 B W) of the variance away.
+pub(super) fn expected_variance(window: f64, low_pass: &LowPass) -> f64 {
+    3.0 * (1.0 - 1.0 / (2.0 * low_pass.noise_bandwidth() * window)).max(0.1)
+}
+
+/// Quantile of LPMV and LPGV at rest, about the mean of a window of this length.
+pub(super) fn variance_threshold(window: f64, low_pass: &LowPass, z: f64) -> f64 {
+    let freedom = (low_pass.freedom() * window).max(1.0);
+    of_squares(expected_variance(window, low_pass), 6.0 / freedom, z)
+}
+
+/// Quantile about a point that does not come from the window.
+pub(super) fn energy_threshold(window: f64, low_pass: &LowPass, z: f64) -> f64 {
+    let freedom = (low_pass.freedom() * window).max(1.0);
+    of_squares(3.0, 6.0 / freedom, z)
+}
+
+/// GY; infinite where the covariance is none. `step` is the gyros' step where it is coarse: their mean is known to a part of
+/// it only.
+pub(super) fn mean_rate(
+    m: &Moments,
+    expected: &Vector3<f64>,
+    expected_covariance: &Matrix3<f64>,
+    step: &Vector3<f64>,
+    noise: &RestNoise,
+) -> f64 {
+    let off = m.mean_rate() - expected;
+    let own = noise.gyro_white.powi(2) / m.span.max(1e-6) + BIAS_WANDER * BIAS_WANDER;
+    let rounding = step.map(|s| s * s / 12.0);
+    let covariance =
+        expected_covariance + Matrix3::from_diagonal(&(Vector3::repeat(own) + rounding));
+    covariance
+        .cholesky()
+        .map_or(f64::INFINITY, |c| off.dot(&c.solve(&off)))
+}
+
+/// Its quantile: chi-square of three degrees of freedom, one in a thousand. A lesser probability would let turns of 0.3 °/s
+/// pass on a unit of 3 °/√h.
+pub(super) fn mean_rate_threshold() -> f64 {
+    of_squares(3.0, 6.0, ONE_IN_1E3)
+}

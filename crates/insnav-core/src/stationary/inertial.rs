@@ -1,0 +1,240 @@
+//! What the inertial data alone say: the chosen test over the long window, and a short one that sees a start.
+
+use super::composite;
+use super::low_pass::LowPass;
+use super::quantile::{ONE_IN_1E3, ONE_IN_1E4, ONE_IN_1E6};
+use super::quantised::GyroSteps;
+use super::rest_noise::RestNoise;
+use super::window::{Moments, Window};
+use super::{Belief, are, glrt, mag, mv};
+use crate::config::DetectorKind;
+use nalgebra::{Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// The window that sees a start, s: shorter, and 5 Hz leave nothing to average; longer, and it sees it later.
+const SHORT: f64 = 0.2;
+/// A window shorter than this needs no shorter one beside it, s.
+const LEAST_LONG: f64 = 0.5;
+/// Intervals whose mean gives the sampling rate that the low-pass is designed for.
+const FIRST_INTERVALS: u32 = 20;
+/// Of the running mean of intervals.
+const RATE_MEMORY: f64 = 1.0 / 256.0;
+/// A sampling rate that differs by more calls for another low-pass.
+const RATE_CHANGE: f64 = 0.1;
+
+/// Statistics over their thresholds; NaN where a detector has none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ratios {
+    pub(super) specific_force: f64,
+    pub(super) angular_rate: f64,
+    pub(super) mean_rate: f64,
+    /// LPMV and LPGV themselves, for learning; NaN for other detectors.
+    pub(super) variances: [f64; 2],
+    /// Length of the window, s.
+    pub(super) span: f64,
+}
+
+impl Ratios {
+    pub(super) fn largest(&self) -> f64 {
+        [self.specific_force, self.angular_rate, self.mean_rate]
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+}
+
+/// What became of a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Moved {
+    pub(super) long: bool,
+    pub(super) short: bool,
+    /// All windows are empty again.
+    pub(super) anew: bool,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct InertialTests {
+    kind: DetectorKind,
+    scale: f64,
+    noise: RestNoise,
+    length: f64,
+    dt: f64,
+    intervals: u32,
+    low_pass: Option<LowPass>,
+    long: Window,
+    short: Option<Window>,
+    steps: GyroSteps,
+    /// How far LPMV and LPGV of the present stop are above those of the noise, at least 1.
+    level: [f64; 2],
+}
+
+impl InertialTests {
+    pub(super) fn new(kind: DetectorKind, length: f64, scale: f64, noise: RestNoise) -> Self {
+        InertialTests {
+            kind,
+            scale,
+            noise,
+            length,
+            dt: 0.0,
+            intervals: 0,
+            low_pass: None,
+            long: Window::new(length),
+            short: (length >= LEAST_LONG).then(|| Window::new(SHORT)),
+            steps: GyroSteps::default(),
+            level: [1.0; 2],
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.long.clear();
+        if let Some(short) = &mut self.short {
+            short.clear();
+        }
+        if let Some(low_pass) = &mut self.low_pass {
+            low_pass.reset();
+        }
+    }
+
+    pub(super) fn gyro_step(&self) -> Vector3<f64> {
+        self.steps.steps()
+    }
+
+    /// Take a sample that comes `dt` after the one before it.
+    pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> Moved {
+        self.steps.push(rate);
+        let mut moved = Moved::default();
+        if self.intervals < FIRST_INTERVALS {
+            self.intervals += 1;
+            self.dt += (dt - self.dt) / f64::from(self.intervals);
+            return moved;
+        }
+        self.dt += (dt - self.dt) * RATE_MEMORY;
+        let (mut force, mut rate) = (*force, *rate);
+        if self.kind == DetectorKind::Composite {
+            let fits = |l: &LowPass| (l.rate() * self.dt - 1.0).abs() < RATE_CHANGE;
+            let low_pass = match &mut self.low_pass {
+                Some(low_pass) if fits(low_pass) => low_pass,
+                other => {
+                    moved.anew = other.is_some();
+                    other.insert(LowPass::new(1.0 / self.dt))
+                }
+            };
+            let x = Vector6::new(force.x, force.y, force.z, rate.x, rate.y, rate.z);
+            let y = low_pass.push(&x);
+            force = y.fixed_rows::<3>(0).into_owned();
+            rate = y.fixed_rows::<3>(3).into_owned();
+        }
+        if moved.anew {
+            self.clear();
+        }
+        moved.long = self.long.push(dt, &force, &rate);
+        moved.short = self
+            .short
+            .as_mut()
+            .is_some_and(|short| short.push(dt, &force, &rate));
+        moved
+    }
+
+    /// The fixed threshold of LPMV and LPGV; infinite before the low-pass is known.
+    pub(super) fn fixed(&self) -> f64 {
+        self.low_pass.as_ref().map_or(f64::INFINITY, |low_pass| {
+            composite::variance_threshold(self.length, low_pass, ONE_IN_1E4) * self.scale
+        })
+    }
+
+    /// The test over the long window, once it is full. `thresholds` are those of LPMV and LPGV.
+    pub(super) fn long(&self, belief: &Belief, thresholds: [f64; 2]) -> Option<Ratios> {
+        let m = self.long.moments()?;
+        let mut ratios = Ratios {
+            specific_force: f64::NAN,
+            angular_rate: f64::NAN,
+            mean_rate: f64::NAN,
+            variances: [f64::NAN; 2],
+            span: m.span,
+        };
+        if self.kind == DetectorKind::Composite {
+            let low_pass = self.low_pass.as_ref()?;
+            ratios.variances = composite::variances(&m, None, &self.noise, low_pass);
+            ratios.specific_force = ratios.variances[0] / thresholds[0];
+            ratios.angular_rate = ratios.variances[1] / thresholds[1];
+            let mean_rate = composite::mean_rate(
+                &m,
+                &belief.rate_b,
+                &belief.rate_covariance_b,
+                &self.gyro_step(),
+                &self.noise,
+            );
+            ratios.mean_rate = mean_rate / (composite::mean_rate_threshold() * self.scale);
+        } else {
+            let [force, rate] = self.single(&m, belief, ONE_IN_1E3);
+            (ratios.specific_force, ratios.angular_rate) = (force, rate);
+        }
+        Some(ratios)
+    }
+
+    /// Whether the last fifth of a second fits the stop that the long window shows: ratio to the threshold. 0 before there is
+    /// anything to compare.
+    pub(super) fn short(&self, belief: &Belief) -> f64 {
+        let Some((short, long)) = self
+            .short
+            .as_ref()
+            .and_then(|short| Some((short.moments()?, self.long.moments()?)))
+        else {
+            return 0.0;
+        };
+        if self.kind != DetectorKind::Composite {
+            return self
+                .single(&short, belief, ONE_IN_1E6)
+                .into_iter()
+                .fold(0.0, f64::max);
+        }
+        let Some(low_pass) = &self.low_pass else {
+            return 0.0;
+        };
+        let about = (&long.mean_force(), &long.mean_rate());
+        let energy = composite::variances(&short, Some(about), &self.noise, low_pass);
+        let threshold = composite::energy_threshold(short.span, low_pass, ONE_IN_1E6) * self.scale;
+        (energy[0] / self.level[0]).max(energy[1] / self.level[1]) / threshold
+    }
+
+    /// Remember how lively the stop is: at once when it begins, then slowly, so that a start does not hide itself.
+    pub(super) fn learn_level(&mut self, variances: [f64; 2], begins: bool) {
+        let Some(low_pass) = &self.low_pass else {
+            return;
+        };
+        let expected = composite::expected_variance(self.length, low_pass);
+        let share = if begins { 1.0 } else { 0.02 };
+        for (level, variance) in self.level.iter_mut().zip(variances) {
+            *level += ((variance / expected).max(1.0) - *level) * share;
+        }
+    }
+
+    /// Ratios of one of the four of [Skog10], of force and of rate; NaN where it has none.
+    fn single(&self, m: &Moments, belief: &Belief, z: f64) -> [f64; 2] {
+        let (noise, scale) = (&self.noise, self.scale);
+        let expected = &belief.rate_b;
+        let variance = belief.rate_covariance_b.trace();
+        match self.kind {
+            DetectorKind::Mv => [
+                mv::statistic(m, noise) / (mv::threshold(m, z) * scale),
+                f64::NAN,
+            ],
+            DetectorKind::Mag => [
+                mag::statistic(m, noise) / (mag::threshold(m, noise, z) * scale),
+                f64::NAN,
+            ],
+            DetectorKind::Are => [
+                f64::NAN,
+                are::statistic(m, expected, noise)
+                    / (are::threshold(m, variance, noise, z) * scale),
+            ],
+            DetectorKind::Glrt
+            | DetectorKind::Auto
+            | DetectorKind::Composite
+            | DetectorKind::None => {
+                let ratio = glrt::statistic(m, expected, noise)
+                    / (glrt::threshold(m, variance, noise, z) * scale);
+                [ratio; 2]
+            }
+        }
+    }
+}
