@@ -94,10 +94,11 @@ impl Standing {
         let now = filter.nominal().nav.time;
         match (detected, &self.stop) {
             (Motion::Moving, Some(_)) => self.end(StopEnd::Motion, filter, sink),
+            // Seen ahead: what begins later than here is not entered yet.
             (Motion::Stationary { since }, None)
-                if self.distrusted_until.is_none_or(|until| now >= until) =>
+                if since <= now && self.distrusted_until.is_none_or(|until| now >= until) =>
             {
-                self.begin(since.min(now), evidence, filter, sink)
+                self.begin(since, evidence, filter, sink)
             }
             _ => Ok(()),
         }

@@ -1,0 +1,295 @@
+//! What the navigator makes of stops: declared ones, so that nothing depends on a detector here.
+
+use insnav::attitude::Euler;
+use insnav::config::{Config, DetectorKind, Intervals, StationaryConfig, StationaryMode};
+use insnav::earth::{Geodetic, LocalEarth};
+use insnav::filter::InitialSigma;
+use insnav::imu::{ImuErrors, ImuGrade, ImuNoise};
+use insnav::mechanization::NavState;
+use insnav::navigator::Navigator;
+use insnav::sample::{GnssPosition, ImuSample, Sample};
+use insnav::sim::{Source, Stream};
+use insnav::solution::{Epoch, Event, Motion, Sink};
+use insnav::stationary::{StopEnd, StopRecord};
+use insnav::time::Time;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+const BEGIN: Time = Time(1_700_000_000_000_000_000);
+const RATE: f64 = 100.0;
+
+/// A body at one place, turned as a function of time says: roll, pitch, heading in degrees.
+struct AtRest<F: Fn(f64) -> [f64; 3]> {
+    attitude_deg: F,
+    errors: ImuErrors,
+    noise: ImuNoise,
+    /// Steps of the gyro's values, rad/s; 0: none.
+    gyro_step: f64,
+    seed: u64,
+}
+
+impl<F: Fn(f64) -> [f64; 3]> AtRest<F> {
+    fn place() -> Geodetic {
+        Geodetic::from_degrees(55.0, 37.0, 200.0)
+    }
+
+    fn q_nb(&self, t: f64) -> UnitQuaternion<f64> {
+        let [roll, pitch, heading] = (self.attitude_deg)(t);
+        Euler::from_degrees(roll, pitch, heading).to_quaternion()
+    }
+
+    /// Inertial samples and fixes of `sigma` metres once a second; the sample at `t` is the mean over the interval around it.
+    fn samples(&self, duration: f64, sigma: f64) -> Vec<Sample> {
+        let mut source = Source::new(self.seed, Stream::Initial);
+        let earth = LocalEarth::at(&Self::place());
+        let dt = 1.0 / RATE;
+        let mut out = Vec::new();
+        for k in 0..=(duration * RATE) as i64 {
+            let t = k as f64 * dt;
+            let time = BEGIN.plus(t);
+            if k % RATE as i64 == 0 {
+                out.push(Sample::GnssPosition(GnssPosition {
+                    time,
+                    position: Self::place().offset(&(source.normal3() * sigma)),
+                    covariance_n: Some(Matrix3::identity() * (sigma * sigma)),
+                }));
+            }
+            let (before, after) = (self.q_nb(t - 0.5 * dt), self.q_nb(t + 0.5 * dt));
+            let turn = (before.inverse() * after).scaled_axis() / dt;
+            let to_b = self.q_nb(t).inverse();
+            let white = RATE.sqrt();
+            let rate = turn
+                + to_b * earth.earth_rate_n()
+                + self.errors.gyro_bias
+                + source.normal3() * (self.noise.gyro_white * white);
+            let stepped = |x: f64| {
+                if self.gyro_step > 0.0 {
+                    (x / self.gyro_step).round() * self.gyro_step
+                } else {
+                    x
+                }
+            };
+            let force = to_b * Vector3::new(0.0, 0.0, -earth.gravity())
+                + self.errors.accel_bias
+                + source.normal3() * (self.noise.accel_white * white);
+            out.push(Sample::Imu(ImuSample {
+                time,
+                angular_rate_b: rate.map(stepped),
+                specific_force_b: force,
+            }));
+        }
+        out
+    }
+
+    fn nav(&self) -> NavState {
+        NavState {
+            time: BEGIN,
+            position: Self::place(),
+            velocity_n: Vector3::zeros(),
+            q_nb: self.q_nb(0.0),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Record {
+    epochs: Vec<Epoch>,
+    stops: Vec<StopRecord>,
+}
+
+impl Sink for Record {
+    fn epoch(&mut self, epoch: &Epoch) {
+        self.epochs.push(*epoch);
+    }
+
+    fn event(&mut self, event: &Event) {
+        if let Event::StopEnded(stop) = event {
+            self.stops.push(*stop);
+        }
+    }
+}
+
+fn declared(mode: StationaryMode, intervals: &[[f64; 2]]) -> Config {
+    Config {
+        stationary: StationaryConfig {
+            mode,
+            detector: DetectorKind::None,
+            intervals_s: Intervals::new(intervals).expect("few"),
+            ..StationaryConfig::default()
+        },
+        ..Config::default()
+    }
+}
+
+fn sigma(heading_deg: f64) -> InitialSigma {
+    let each = Vector3::from_element;
+    let noise = ImuGrade::Industrial.noise();
+    InitialSigma {
+        position: each(1.0),
+        velocity: each(0.05),
+        attitude: Vector3::new(0.002, 0.002, heading_deg.to_radians()),
+        gyro_bias: each(noise.gyro_bias_sigma),
+        accel_bias: each(noise.accel_bias_sigma),
+    }
+}
+
+fn run(config: &Config, nav: NavState, sigma: &InitialSigma, samples: &[Sample]) -> Record {
+    let noise = ImuGrade::Industrial.noise();
+    let mut navigator =
+        Navigator::aligned(config, noise, nav, ImuErrors::default(), sigma).expect("good settings");
+    let mut record = Record::default();
+    for sample in samples {
+        navigator.step(sample, &mut record).expect("good samples");
+    }
+    navigator.finish(&mut record).expect("good samples");
+    record
+}
+
+fn still(seed: u64) -> AtRest<impl Fn(f64) -> [f64; 3]> {
+    let noise = ImuGrade::Industrial.noise();
+    let mut source = Source::new(seed, Stream::GyroBias);
+    AtRest {
+        attitude_deg: |_| [1.0, -2.0, 130.0],
+        errors: ImuErrors {
+            gyro_bias: source.normal3() * noise.gyro_bias_sigma,
+            accel_bias: source.normal3() * noise.accel_bias_sigma,
+            ..ImuErrors::default()
+        },
+        noise,
+        gyro_step: 0.0,
+        seed,
+    }
+}
+
+/// Every mode: the stop is labelled and recorded, the heading does not walk, the biases are learnt.
+#[test]
+fn every_mode_holds_what_it_says() {
+    for mode in [
+        StationaryMode::Zupt,
+        StationaryMode::Zihr,
+        StationaryMode::HeadingHold,
+        StationaryMode::AttitudeHold,
+        StationaryMode::Static,
+    ] {
+        let body = still(7);
+        let config = declared(mode, &[[10.0, 100.0]]);
+        let record = run(&config, body.nav(), &sigma(1.0), &body.samples(120.0, 1.0));
+        let [stop] = record.stops[..] else {
+            panic!("{mode:?}: {} stops", record.stops.len());
+        };
+        assert_eq!(
+            (stop.begin, stop.ended_by),
+            (BEGIN.plus(10.0), StopEnd::Motion)
+        );
+        // The filter follows the declaration half a second ahead at the end, never behind.
+        let length = stop.end.since(stop.held_from);
+        assert!((89.0..=90.0).contains(&length), "{mode:?}: {length}");
+        let standing = record.epochs.iter().filter(|e| e.motion != Motion::Moving);
+        assert_eq!(
+            standing.count(),
+            (length * RATE).round() as usize,
+            "{mode:?}"
+        );
+        let holds = mode != StationaryMode::Zupt;
+        let growth = stop.heading_growth.to_degrees();
+        let bias = (stop.gyro_bias - body.errors.gyro_bias).z.abs() / stop.sigma_gyro_bias.z;
+        assert!(bias < 4.0, "{mode:?}: {bias} sigmas");
+        let learnt = stop.sigma_gyro_bias.z / sigma(1.0).gyro_bias.z;
+        // 0.15 °/√h over 90 s is 0.95 °/h, of 30.
+        assert_eq!(learnt < 0.1, holds, "{mode:?}: {learnt}");
+        if mode == StationaryMode::Static {
+            assert_eq!(growth, 0.0);
+            let last = record.epochs.iter().rfind(|e| e.motion != Motion::Moving);
+            assert_eq!(last.expect("it stood").nav.velocity_n, Vector3::zeros());
+        }
+        if holds {
+            // Known to a degree before, and nothing was learnt of it.
+            let (before, after) = (stop.sigma_heading_before, stop.sigma_heading_after);
+            assert!(
+                (after / before - 1.0).abs() < 0.02,
+                "{mode:?} {before} {after}"
+            );
+        }
+    }
+}
+
+/// A body at rest does not show its heading. With the measured force in the dynamics a filter believes that it does.
+#[test]
+fn standing_tells_no_heading() {
+    let body = still(3);
+    let samples = body.samples(120.0, 1.0);
+    let sigma_at_end = |mode, intervals: &[[f64; 2]]| {
+        let record = run(
+            &declared(mode, intervals),
+            body.nav(),
+            &sigma(100.0),
+            &samples,
+        );
+        record.epochs[record.epochs.len() - 1]
+            .heading_sigma()
+            .to_degrees()
+    };
+    let known = sigma_at_end(StationaryMode::Static, &[[0.0, 120.0]]);
+    assert!(known > 95.0, "{known}°");
+    // The control.
+    let falsely = sigma_at_end(StationaryMode::Off, &[]);
+    assert!(falsely < 80.0, "{falsely}°");
+}
+
+/// Somebody gets in: two degrees of roll within a second, in mid-stop. The attitude follows.
+#[test]
+fn a_tilt_in_mid_stop_is_followed_and_never_fought() {
+    let still = still(5);
+    let smooth = |x: f64| {
+        let x = x.clamp(0.0, 1.0);
+        x * x * (3.0 - 2.0 * x)
+    };
+    let body = AtRest {
+        attitude_deg: move |t: f64| [1.0 + 2.0 * smooth(t - 60.3), -2.0, 130.0],
+        errors: still.errors,
+        noise: still.noise,
+        gyro_step: 0.0,
+        seed: 5,
+    };
+    let samples = body.samples(120.0, 1.0);
+    for mode in [
+        StationaryMode::Static,
+        StationaryMode::Zupt,
+        StationaryMode::HeadingHold,
+    ] {
+        let config = declared(mode, &[[5.0, 115.0]]);
+        let record = run(&config, body.nav(), &sigma(1.0), &samples);
+        for epoch in record
+            .epochs
+            .iter()
+            .filter(|e| e.nav.time.since(BEGIN) > 65.0)
+        {
+            let t = epoch.nav.time.since(BEGIN);
+            let error = (epoch.nav.q_nb * body.q_nb(t).inverse()).scaled_axis();
+            let p = epoch.attitude_covariance_n();
+            for axis in 0..3 {
+                let sigmas = error[axis].abs() / p[(axis, axis)].sqrt();
+                assert!(sigmas < 4.5, "{mode:?} axis {axis} at {t}: {sigmas} sigmas");
+            }
+            // What was held before is not lost: the roll has 0.07° about Down in it, which a held heading does not take. (A
+            // heading that is not held goes 0.2° with its bias of 30 °/h.)
+            let down = error.z.to_degrees().abs();
+            assert!(
+                mode == StationaryMode::Zupt || down < 0.1,
+                "{mode:?} at {t}: {down}°"
+            );
+        }
+    }
+}
+
+/// A gap in a stop ends it.
+#[test]
+fn a_gap_ends_a_stop() {
+    let body = still(2);
+    let mut samples = body.samples(60.0, 1.0);
+    samples.retain(|s| !(30.0..31.0).contains(&s.time().since(BEGIN)));
+    let config = declared(StationaryMode::Static, &[[5.0, 55.0]]);
+    let record = run(&config, body.nav(), &sigma(1.0), &samples);
+    assert_eq!(record.stops[0].ended_by, StopEnd::Gap);
+    let end = record.stops[0].end.since(BEGIN);
+    assert!((29.9..=30.0).contains(&end), "{end}");
+}
