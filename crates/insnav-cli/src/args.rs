@@ -1,6 +1,6 @@
 //! The arguments as a whole: one verb, one format.
 
-use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Run, Simulate};
+use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Reproduce, Run, Simulate};
 use crate::failure::Failure;
 use crate::output::{Format, Output};
 use clap::{Parser, Subcommand};
@@ -34,6 +34,7 @@ pub(crate) enum Verb {
     Convert(Convert),
     Demo(Demo),
     Simulate(Simulate),
+    Reproduce(Reproduce),
     Completions(Completions),
     Man(Man),
 }
@@ -48,6 +49,7 @@ impl Verb {
             Verb::Convert(verb) => verb.run(output),
             Verb::Demo(verb) => verb.run(output),
             Verb::Simulate(verb) => verb.run(output),
+            Verb::Reproduce(verb) => verb.run(output),
             Verb::Completions(verb) => verb.run(output),
             Verb::Man(verb) => verb.run(output),
         }

@@ -11,6 +11,7 @@ mod failure;
 mod interrupt;
 mod output;
 mod progress;
+mod reproduce;
 mod text;
 
 use clap::Parser;

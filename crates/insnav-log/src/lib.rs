@@ -61,7 +61,7 @@ pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource}
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
 pub use message::MessageKind;
-pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs};
+pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs, write_output};
 pub use problem::Problem;
 pub use run::{
     AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, KnownStart, NoiseReport, Plan,

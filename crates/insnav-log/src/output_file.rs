@@ -39,6 +39,20 @@ pub fn check_output(target: &Path, overwrite: bool) -> Result<(), LogError> {
     OutputFile::create(target, overwrite).map(drop)
 }
 
+/// Write an output as a whole (`-`: standard output): it appears complete or not at all.
+///
+/// # Errors
+/// As [`check_output`], and when there is no room.
+pub fn write_output(target: &Path, bytes: &[u8], overwrite: bool) -> Result<(), LogError> {
+    let mut file = OutputFile::create(target, overwrite)?;
+    let written = file.write_all(bytes);
+    written.map_err(|source| LogError::OutputNotWritable {
+        path: target.into(),
+        source,
+    })?;
+    file.commit().map(drop)
+}
+
 /// Where the bytes go.
 #[derive(Debug)]
 enum Stream {

@@ -3,12 +3,14 @@
 mod comparison;
 mod demo_report;
 mod log_report;
+mod reproduced;
 mod run_summary;
 mod simulated;
 
 pub(crate) use comparison::{comparison, table};
 pub(crate) use demo_report::demo_report;
 pub(crate) use log_report::log_report;
+pub(crate) use reproduced::reproduced;
 pub(crate) use run_summary::run_summary;
 pub(crate) use simulated::simulated;
 

@@ -59,6 +59,14 @@ impl Gate {
         }
     }
 
+    /// A gate that lets everything through.
+    pub fn open() -> Self {
+        Gate {
+            limit: [f64::INFINITY; 3],
+            ..Gate::default()
+        }
+    }
+
     /// A gate that never widens by itself: for what is true most of the time only, or where the owner decides what to do about
     /// a run of refusals.
     pub fn strict() -> Self {

@@ -88,6 +88,11 @@ impl ZeroHeadingRateAid {
             dt,
             gain: self.gain,
         };
-        filter.update(&model, time, &mut Gate::lenient())
+        // The noise of a rate that is far out has gone into the heading too: to undo it, it must count in full.
+        let mut gate = match self.gain {
+            HeadingRateGain::Correlated => Gate::open(),
+            HeadingRateGain::Naive | HeadingRateGain::BiasOnly => Gate::lenient(),
+        };
+        filter.update(&model, time, &mut gate)
     }
 }

@@ -7,6 +7,7 @@
 mod comparison;
 mod course;
 mod errors;
+mod estimate;
 mod mounting;
 mod orientation;
 mod reference;
@@ -16,6 +17,7 @@ mod track;
 pub use comparison::{CompareOptions, Comparison, Withheld, compare};
 pub use course::{Course, heading_minus_course};
 pub use errors::{Coverage, ErrorStatistics, Nees, PointError};
+pub use estimate::Estimate;
 pub use mounting::mean_rotation;
 pub use orientation::{OrientationErrors, OrientationPair, orientation_errors, to_enu_flu};
 pub use reference::{AttitudeReference, ReferencePoint};

@@ -20,6 +20,7 @@ mod quadrature;
 mod range;
 mod scenario;
 mod simulation;
+mod stop_trial;
 mod trajectory;
 
 pub use drive::{Body, Drive, Leg, Wave};
@@ -28,4 +29,8 @@ pub use imu::{ImuErrorModel, ImuModel, ImuOutput};
 pub use noise::{GaussMarkov, Source, Stream};
 pub use scenario::Scenario;
 pub use simulation::{Simulation, Truth};
+pub use stop_trial::{
+    HeadingPoint, MeanSquares, StaticRecord, StopEndErrors, StopErrors, StopFlags, StopSetting,
+    StopTrial, StopVariant,
+};
 pub use trajectory::{Kinematics, Trajectory};

@@ -1,0 +1,127 @@
+//! `insnav reproduce`: published experiments, made again.
+
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::reproduce::{Experiment, Request};
+use crate::text;
+use clap::{Args, Subcommand};
+use insnav_core::sample::Sample;
+use insnav_core::sim::StaticRecord;
+use insnav_core::time::Time;
+use insnav_log::{
+    Log, ReadOptions, check_output, convert::CsvInputs, csv::read_imu, is_standard_stream,
+    write_output,
+};
+use std::path::{Path, PathBuf};
+
+/// Make a published experiment again: the paper's numbers beside ours, with their standard errors and the best possible
+///
+/// Simulations follow from a seed; the number of threads changes nothing.
+#[derive(Args, Debug)]
+pub(crate) struct Reproduce {
+    #[command(subcommand)]
+    paper: Paper,
+}
+
+#[derive(Subcommand, Debug)]
+enum Paper {
+    Kozadaev2017(Kozadaev2017),
+}
+
+/// Kozadaev & Makarenko 2017: what a filter makes of a stop of 300 s, its heading above all
+///
+/// Ten variants on the same samples: basic, zero velocity, zero rate with three gains, the paper's held heading with its
+/// covariances moved exactly or its variance alone, held attitude, constant pose, and constant pose with states for the
+/// receiver's time-correlated errors; two negative controls beside them. The paper gives three of these.
+#[derive(Args, Debug)]
+struct Kozadaev2017 {
+    /// Number of runs; all variants see the same
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    runs: u32,
+
+    /// Seed of all random numbers
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+
+    /// A real unit that stood still, in place of the simulated one: a log, a folder with imu.csv, or an imu.csv[.gz]; at least
+    /// 300 s. The receiver stays simulated
+    #[arg(long, value_name = "LOG", conflicts_with = "multi_stop")]
+    imu: Option<PathBuf>,
+
+    /// Four stops with three drives of a minute between them
+    #[arg(long)]
+    multi_stop: bool,
+
+    /// Draw the heading errors of the first run with their stated sigmas, SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+
+    /// Overwrite the drawing
+    #[arg(long)]
+    force: bool,
+
+    /// Number of threads [default: as many as there are cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+}
+
+impl Reproduce {
+    pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        match &self.paper {
+            Paper::Kozadaev2017(paper) => paper.run(output),
+        }
+    }
+}
+
+impl Kozadaev2017 {
+    fn run(&self, output: &Output) -> Result<u8, Failure> {
+        if let Some(plot) = &self.plot {
+            check_output(plot, self.force)?;
+            if is_standard_stream(plot) {
+                output.leave_stdout_to_a_file();
+            }
+        }
+        let record = self.imu.as_deref().map(record).transpose()?;
+        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let experiment = Experiment::run(Request {
+            runs: self.runs as usize,
+            seed: self.seed,
+            jobs: self.jobs.map_or(all, usize::from),
+            multi_stop: self.multi_stop,
+            record,
+        })?;
+        if let Some(plot) = &self.plot {
+            write_output(plot, experiment.figure().as_bytes(), self.force)?;
+        }
+        let report = experiment.report();
+        output.result(&report, || text::reproduced(&report));
+        Ok(0)
+    }
+}
+
+/// The inertial samples of a log or a table, as those of a unit at rest.
+fn record(path: &Path) -> Result<StaticRecord, Failure> {
+    let table = if path.is_dir() {
+        Some(CsvInputs::in_folder(path)?.imu)
+    } else {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        (name.ends_with(".csv") || name.ends_with(".csv.gz")).then(|| path.to_owned())
+    };
+    let samples: Vec<Sample> = match table {
+        Some(table) => read_imu(&table)?
+            .samples(Time(0))
+            .map(Sample::Imu)
+            .collect(),
+        None => {
+            let log = Log::open(path, ReadOptions::default())?;
+            log.samples()?.collect::<Result<_, _>>()?
+        }
+    };
+    StaticRecord::new(samples).map_err(|error| {
+        Failure::new(
+            "not_at_rest",
+            format!("{}: {error}", path.display()),
+            "give a record of a unit that stood still for at least 300 s",
+        )
+    })
+}

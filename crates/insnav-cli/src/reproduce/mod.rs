@@ -1,0 +1,39 @@
+//! Published experiments, made again: one file a paper.
+
+mod figure;
+mod kozadaev2017;
+mod spread;
+
+pub(crate) use kozadaev2017::{Experiment, Request};
+
+use serde::Serialize;
+
+/// What came out, beside what was published.
+#[derive(Debug, Serialize)]
+pub(crate) struct Reproduced {
+    pub(crate) paper: &'static str,
+    pub(crate) runs: usize,
+    pub(crate) seed: u64,
+    /// What a reader must know of the experiment beyond the paper.
+    pub(crate) assumptions: Vec<String>,
+    pub(crate) rows: Vec<Row>,
+}
+
+/// One number.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) case: &'static str,
+    pub(crate) variant: &'static str,
+    pub(crate) quantity: &'static str,
+    /// By the paper; `None` where it says nothing.
+    pub(crate) published: Option<f64>,
+    /// `None` where the number has no meaning.
+    pub(crate) ours: Option<f64>,
+    /// Of ours, over repetitions of the whole experiment with other seeds.
+    pub(crate) standard_error: Option<f64>,
+    /// What the filter itself states of this error, root mean square over the runs.
+    pub(crate) stated: Option<f64>,
+    /// No unbiased estimate from the same data is better than this (Cramér–Rao).
+    pub(crate) limit: Option<f64>,
+    pub(crate) note: Option<&'static str>,
+}
