@@ -76,6 +76,8 @@ pub struct StopDetector {
     learnt: Learnt,
     declared: Declared,
     agreed_since: Option<Time>,
+    /// When the last stop ended: what moved then is no part of the next.
+    moved_at: Option<Time>,
     standing: Option<Standing>,
     /// Stretches that the filter has not passed yet.
     stretches: Deque<Stretch, 8>,
@@ -106,6 +108,7 @@ impl StopDetector {
             learnt: Learnt::default(),
             declared: Declared::new(config.intervals_s),
             agreed_since: None,
+            moved_at: None,
             standing: None,
             stretches: Deque::new(),
             gap: None,
@@ -268,7 +271,9 @@ impl StopDetector {
             self.tests.learn_level(ratios.variances, false);
             return;
         }
-        let since = *self.agreed_since.get_or_insert(now.plus(-ratios.span));
+        let window = now.plus(-ratios.span);
+        let begin = self.moved_at.map_or(window, |moved| window.max(moved));
+        let since = *self.agreed_since.get_or_insert(begin);
         // Stamps are whole nanoseconds.
         if now.since(since) + 1e-6 >= ratios.span + self.entry {
             self.tests.learn_level(ratios.variances, true);
@@ -290,6 +295,8 @@ impl StopDetector {
         if self.standing.take().is_none() {
             return;
         }
+        // A window of the length of a stance forgets by itself before the next.
+        self.moved_at = self.asks_speed.then_some(now);
         let lead = if self.asks_speed { LOOK_AHEAD } else { 0.0 };
         if let Some(last) = self.stretches.back_mut() {
             last.end = Some(now.plus(-lead));
