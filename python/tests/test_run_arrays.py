@@ -263,3 +263,19 @@ def test_withheld_fixes_are_not_used(truth: Drive) -> None:
     assert s.summary["withheld"] == 51
     before, end = (int(np.argmin(np.abs(s.time_s - t))) for t in [99.0, 109.9])
     assert s.sigma_position_n_m[end, 0] > 3 * s.sigma_position_n_m[before, 0]
+
+
+def test_without_gnss_the_way_counts_from_the_start(truth: Drive) -> None:
+    arrays = noisy(truth, 3)
+    time_s, rate, force = arrays["imu"]
+    at_rest = time_s < 5.0
+    still = (time_s[at_rest], 0.0 * rate[at_rest], 0.0 * force[at_rest] + [0.0, 0.0, -9.81])
+    s = insnav.run({"imu": still}, CONFIG, imu_only=True)
+    assert s.summary["imu_only"]["gnss_left_out"] == []
+    # A level unit without noise falls along its own vertical alone.
+    assert s.summary["final"]["closure_horizontal_m"] < 0.01
+    assert s.summary["alignment"]["heading_source"] == "relative"
+    with pytest.raises(insnav.InsnavError, match="GNSS"):
+        insnav.run({"imu": still}, CONFIG, imu_only=True, withhold="1:2")
+    with pytest.raises(insnav.InsnavError, match="GNSS"):
+        insnav.run({"imu": still}, CONFIG)

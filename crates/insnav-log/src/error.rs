@@ -372,6 +372,10 @@ impl LogError {
             LogError::Compression { path, .. } => {
                 format!("recompress it with `mcap compress --compression zstd {} -o recompressed.mcap`", path.display())
             }
+            LogError::NoTopic { role: role @ Role::GnssPosition, .. } => format!(
+                "name the topic with `--topic {}=/its/name`, or navigate without GNSS, from rest: `--imu-only`",
+                role.key()
+            ),
             LogError::NoTopic { role, .. } => format!("name the topic with `--topic {}=/its/name`", role.key()),
             LogError::AmbiguousTopic { role, candidates, .. } => {
                 let flags: Vec<_> = candidates.iter().map(|topic| format!("`--topic {}={topic}`", role.key())).collect();

@@ -9,7 +9,7 @@ use crate::imu_units::ImuUnits;
 use crate::message::MessageKind;
 use crate::samples::{Samples, gnss_position};
 use crate::topic_map::TopicMap;
-use crate::topics::{Choice, Role, Selection, TopicInfo, mean_rate};
+use crate::topics::{Choice, NO_TOPIC, Role, Selection, TopicInfo, mean_rate};
 use crate::transforms::Mounting;
 use crate::velocity_axes::VelocityAxes;
 use crate::wire::DecodeError;
@@ -89,9 +89,20 @@ impl Default for ReadOptions {
 }
 
 impl ReadOptions {
-    /// With the mounting of the settings, unless one is given already.
+    /// Whether no topic is wanted for a role.
+    pub(crate) fn leaves_out(&self, role: Role) -> bool {
+        let last = self.topics.iter().rev().find(|(r, _)| *r == role);
+        last.is_some_and(|(_, name)| name == NO_TOPIC)
+    }
+
+    /// With what the settings say of the reading: the mounting, unless one is given already, and whether GNSS is read at all.
     #[must_use]
-    pub fn with_mounting_of(mut self, config: &Config) -> Self {
+    pub fn with_settings_of(mut self, config: &Config) -> Self {
+        if !config.gnss.used {
+            for role in [Role::GnssPosition, Role::GnssVelocity] {
+                self.topics.push((role, NO_TOPIC.into()));
+            }
+        }
         let [roll, pitch, yaw] = config.imu.mounting_rpy_deg;
         if self.imu_mounting_rpy_deg.is_none() && [roll, pitch, yaw] != [0.0; 3] {
             // The settings are forward-right-down; in forward-left-up the same rotation has pitch and yaw reversed.

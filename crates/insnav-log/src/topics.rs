@@ -90,7 +90,7 @@ impl Role {
     /// Whether a topic may be taken for this role without having been named.
     ///
     /// Our own output is no input, a command is no measurement, and `/tf` in motion is no lever arm.
-    fn accepts_unnamed(self, topic: &str) -> bool {
+    pub(crate) fn accepts_unnamed(self, topic: &str) -> bool {
         !topic.starts_with("/insnav/")
             && match self {
                 Role::GnssVelocity => !topic.contains("cmd"),
@@ -168,6 +168,9 @@ impl fmt::Display for TopicInfo {
     }
 }
 
+/// Stands for a topic where none is wanted.
+pub(crate) const NO_TOPIC: &str = "none";
+
 /// What was found for one role.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Choice {
@@ -209,7 +212,7 @@ impl Selection {
         let mut selection = Selection::default();
         for role in Role::ALL {
             selection.choices[role as usize] = match named.iter().rev().find(|(r, _)| *r == role) {
-                Some((_, name)) if name == "none" => Choice::None,
+                Some((_, name)) if name == NO_TOPIC => Choice::None,
                 Some((_, name)) => Choice::Topic(find_named(topics, role, name, path)?),
                 None => choose(topics, role),
             };

@@ -36,6 +36,8 @@ use std::path::PathBuf;
 ///     in the data. Without it a difference is looked for and warned of, but not used.
 /// withhold : str, optional
 ///     Fixes to keep from the filter: intervals in seconds (``"120:150,300:330"``) or one in N epochs (``"every:2"``).
+/// imu_only : bool, default False
+///     Navigate without GNSS, from rest at the begin: positions count from the start. The same as ``{"gnss": {"use": False}}``.
 /// start : mapping, optional
 ///     A state that is known, in place of a start found in the data (see :class:`Start`).
 /// topics : mapping, optional
@@ -62,8 +64,8 @@ use std::path::PathBuf;
 ///     Data that look wrong; all warnings are in ``summary["warnings"]`` too.
 #[pyfunction]
 #[pyo3(signature = (
-    log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, start=None, topics=None,
-    imu_axes=None, time_source=None
+    log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, imu_only=false, start=None,
+    topics=None, imu_axes=None, time_source=None
 ))]
 // One argument each of the Python function.
 #[allow(clippy::too_many_arguments)]
@@ -74,6 +76,7 @@ pub(crate) fn run(
     overwrite: bool,
     time_offset_s: Option<&Bound<'_, PyAny>>,
     withhold: Option<&str>,
+    imu_only: bool,
     start: Option<&Bound<'_, PyMapping>>,
     topics: Option<BTreeMap<String, String>>,
     imu_axes: Option<&str>,
@@ -83,6 +86,9 @@ pub(crate) fn run(
     let fail = |e: Failure| e.into_py_err(py);
     let for_reading = settings::for_reading(config)?;
     let mut config = settings::config(config)?;
+    if imu_only {
+        config.gnss.used = false;
+    }
     let mut options = RunOptions::default();
     match time_offset_s {
         None => {}
@@ -123,7 +129,7 @@ pub(crate) fn run(
     } else if let Ok(path) = log.extract::<PathBuf>() {
         let reading = for_reading
             .over(read_options(topics, imu_axes, time_source).map_err(fail)?)
-            .with_mounting_of(&job.config);
+            .with_settings_of(&job.config);
         py.detach(|| {
             let log = Log::open(&path, reading)?;
             // As the command has it, so that both write the same file.

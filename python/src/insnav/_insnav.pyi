@@ -21,6 +21,7 @@ def run(
     overwrite: bool = False,
     time_offset_s: float | Literal["auto"] | None = None,
     withhold: str | None = None,
+    imu_only: bool = False,
     start: Start | Mapping[str, Any] | None = None,
     topics: Mapping[str, str] | None = None,
     imu_axes: Literal["flu", "frd"] | None = None,

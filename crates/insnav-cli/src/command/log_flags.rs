@@ -98,7 +98,7 @@ impl LogFlags {
             gnss_velocity_axes: self.gnss_velocity_axes,
             ..ReadOptions::default()
         };
-        settings.over(options).with_mounting_of(config)
+        settings.over(options).with_settings_of(config)
     }
 }
 

@@ -58,7 +58,8 @@ pub(crate) struct Run {
     #[arg(long, value_name = "HZ|imu", value_parser = rate)]
     rate: Option<Rate>,
 
-    /// Heading at the first sample, degrees clockwise from true north [default: from the GNSS course]
+    /// Heading at the first sample, degrees clockwise from true north [default: from the GNSS course; with --imu-only zero, and the map
+    /// is turned by what it really is]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     heading_deg: Option<f64>,
 
@@ -70,6 +71,15 @@ pub(crate) struct Run {
     /// with commas); other stops are found all the same
     #[arg(long, value_name = "BEGIN:END", value_parser = interval, value_delimiter = ',', allow_hyphen_values = true)]
     stop: Vec<Interval>,
+
+    /// Navigate without GNSS, from rest at the begin: positions count from the start, which is at output.origin if the settings
+    /// have it. GNSS in the log is not used. On a foot, with --set vehicle.kind=foot, every step's stance bounds the drift
+    #[arg(long)]
+    imu_only: bool,
+
+    /// Latitude of a run without GNSS, degrees [default: that of output.origin, else 45]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    latitude_deg: Option<f64>,
 
     /// Stop in the middle of everything and keep the run in this file, to go on with the next log of the drive by --resume:
     /// both outputs together are those of one run with the settings that this one chose. The last seconds of this log come out with the next one
@@ -253,6 +263,16 @@ impl Run {
             if let Some(Rate(hz)) = self.rate {
                 config.output.rate_hz = hz;
                 by("output.rate_hz", format!("--rate {hz}"));
+            }
+            if self.imu_only {
+                config.gnss.used = false;
+            }
+            if let Some(latitude) = self.latitude_deg {
+                config.alignment.latitude_deg = Some(latitude);
+                by(
+                    "alignment.latitude_deg",
+                    format!("--latitude-deg {latitude}"),
+                );
             }
             if let Some(heading) = self.heading_deg {
                 config.alignment.heading_deg = Some(heading);

@@ -4,7 +4,7 @@ use super::{entry, maybe, plural, short, some, span, way};
 use crate::command::Outcome;
 use insnav_core::alignment::HeadingSource;
 use insnav_core::stationary::StopEnd;
-use insnav_log::{AlignmentReport, Estimate, RunReport, ScaleReport, StopReport};
+use insnav_log::{AlignmentReport, Estimate, ImuOnlyReport, RunReport, ScaleReport, StopReport};
 
 /// The summary of a run.
 pub(crate) fn run_summary(outcome: &Outcome) -> String {
@@ -20,7 +20,11 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     let mut add = |label, line: String| text.push_str(&entry(label, &line));
     add("drive", drive(r));
     add("imu", imu(r));
-    add("clocks", clocks(r));
+    if let Some(only) = &r.imu_only {
+        add("no gnss", imu_only(only));
+    } else {
+        add("clocks", clocks(r));
+    }
     if let Some(a) = &r.alignment {
         add("start", alignment(a));
     }
@@ -46,7 +50,9 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
         );
         add(if i == 0 { "aiding" } else { "" }, line);
     }
-    add("gnss sigmas", sigma_scales(r));
+    if r.imu_only.is_none() {
+        add("gnss sigmas", sigma_scales(r));
+    }
     if r.withheld > 0 {
         add(
             "withheld",
@@ -77,6 +83,14 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
                 with_sigmas(&l.gyro_bias_deg_per_hour, &l.sigma_gyro_bias_deg_per_hour),
                 with_sigmas(&l.accel_bias_mg, &l.sigma_accel_bias_mg),
             ),
+        );
+    }
+    if let Some(l) = &r.last
+        && let (Some(horizontal), Some(height)) = (l.closure_horizontal_m, l.closure_height_m)
+    {
+        add(
+            "closure",
+            format!("{horizontal:.2} m from the start, {height:+.2} m in height"),
         );
     }
     add(
@@ -129,6 +143,23 @@ fn stops(stops: &[StopReport]) -> String {
     text
 }
 
+/// What a run without GNSS counts from.
+fn imu_only(only: &ImuOnlyReport) -> String {
+    let told = if only.latitude_assumed {
+        "assumed: `--latitude-deg` tells it"
+    } else {
+        "as given"
+    };
+    let mut text = format!(
+        "positions and their sigmas count from the start; latitude {}° ({told})",
+        short(only.latitude_deg)
+    );
+    if !only.gnss_left_out.is_empty() {
+        text.push_str(&format!("\nnot used: {}", only.gnss_left_out.join(", ")));
+    }
+    text
+}
+
 /// What was done about stated sigmas.
 fn sigma_scales(r: &RunReport) -> String {
     let part = |what: &str, s: &ScaleReport| {
@@ -176,9 +207,11 @@ fn imu(r: &RunReport) -> String {
         short(y),
         short(z)
     );
-    let arm = match &r.imu_mounting {
-        Some(mounting) => format!("{mounting}\n{arm}"),
-        None => arm,
+    let arm = match (&r.imu_mounting, &r.imu_only) {
+        (Some(mounting), None) => format!("\n{mounting}\n{arm}"),
+        (Some(mounting), Some(_)) => format!("\n{mounting}"),
+        (None, None) => format!("\n{arm}"),
+        (None, Some(_)) => String::new(),
     };
     let (gyro, accel) = (
         short(r.gyro_arw_deg_per_sqrt_hour),
@@ -197,7 +230,7 @@ fn imu(r: &RunReport) -> String {
     };
     if !r.imu_grade_picked {
         return format!(
-            "{grade} grade, as set; {noise}, at rest {} and {}\n{arm}",
+            "{grade} grade, as set; {noise}, at rest {} and {}{arm}",
             short(at_rest[0]),
             short(at_rest[1])
         );
@@ -210,7 +243,7 @@ fn imu(r: &RunReport) -> String {
     format!(
         "{grade} grade, {source}; to state it:\n[imu]\ngrade = \"{grade}\"\n[noise]\n\
          gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n\
-         [stationary]\ngyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n{arm}",
+         [stationary]\ngyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}{arm}",
         r.gyro_arw_deg_per_sqrt_hour, r.accel_vrw_m_per_s_per_sqrt_hour, at_rest[0], at_rest[1]
     )
 }
@@ -258,6 +291,9 @@ fn alignment(a: &AlignmentReport) -> String {
         ),
         HeadingSource::Given => "as given".into(),
         HeadingSource::Unknown => "not known".into(),
+        HeadingSource::Relative => {
+            "by definition: the map's north is where the nose pointed".into()
+        }
     };
     format!(
         "roll {:.2}°, pitch {:.2}° ± {}° from {level}; heading {:.1}° ± {}° {source}",

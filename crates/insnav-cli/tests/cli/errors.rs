@@ -29,7 +29,9 @@ fn no_gnss_topic() {
     let (message, remedy) =
         insnav_json(["run", &folder.text("drive.mcap")]).failed(1, "no_gnss_topic");
     assert!(message.contains("/imu/data"), "{message}");
-    assert!(remedy.contains("--topic gnss="), "{remedy}");
+    for flag in ["--topic gnss=", "--imu-only"] {
+        assert!(remedy.contains(flag), "{remedy}");
+    }
 }
 
 #[test]

@@ -16,3 +16,4 @@ mod run;
 mod simulate;
 mod stationary;
 mod streams;
+mod without_gnss;

@@ -114,7 +114,7 @@ pub(super) fn level_with_velocity(
 }
 
 /// Body to level axes with heading 0, from a specific force of pure reaction to gravity (\[Groves13\] eq. 5.101).
-fn from_force(f: &Vector3<f64>) -> UnitQuaternion<f64> {
+pub(super) fn from_force(f: &Vector3<f64>) -> UnitQuaternion<f64> {
     Euler {
         roll: (-f.y).atan2(-f.z),
         pitch: f.x.atan2(f.y.hypot(f.z)),

@@ -7,6 +7,8 @@ mod first_fix;
 #[cfg(feature = "std")]
 mod levelling;
 #[cfg(feature = "std")]
+mod rest;
+#[cfg(feature = "std")]
 mod startup;
 #[cfg(feature = "std")]
 mod track;
@@ -32,6 +34,8 @@ pub enum HeadingSource {
     Given,
     /// None: heading is unknown, its sigma that of a uniform distribution.
     Unknown,
+    /// None, and none is needed: headings count from that at the start, whose sigma is zero by definition.
+    Relative,
 }
 
 /// A start: state at the first inertial sample, its sigmas, and where they came from.

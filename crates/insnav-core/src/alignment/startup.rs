@@ -2,15 +2,16 @@
 
 use super::course::{self, Course, Tilt};
 use super::first_fix::{FirstFix, first_fix};
-use super::levelling::{Level, level, level_with_velocity};
+use super::levelling::{Level, from_force, level, level_with_velocity};
+use super::rest::rest_at_begin;
 use super::track::{Inertial, Track, inertial};
 use super::{Alignment, HeadingSource};
 use crate::attitude::Euler;
 use crate::config::{AlignmentConfig, Config, VehicleKind};
-use crate::earth::{EARTH_RATE, earth_rate_n};
+use crate::earth::{EARTH_RATE, Geodetic, earth_rate_n};
 use crate::error::{Error, Result};
 use crate::filter::InitialSigma;
-use crate::imu::{ImuErrors, ImuNoise};
+use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::mechanization::NavState;
 use crate::sample::{GnssPosition, GnssVelocity, Sample};
 use crate::time::Time;
@@ -26,8 +27,15 @@ const LEAST_DATA: f64 = 10.0;
 const GIVEN_SIGMA: f64 = 0.087;
 /// A uniform distribution over the circle: π/√3.
 const UNKNOWN_SIGMA: f64 = 1.813_8;
+/// Velocity of a body at rest that no piece of [`rest_at_begin`] shows, m/s.
+const REST_VELOCITY: f64 = 0.02;
+/// Without GNSS, rest is looked at anew after so long, s.
+const REST_AGAIN: f64 = 1.0;
 /// The first fix is used again as a measurement: its sigma as a prior is widened so that this counts for 1 %.
 const PRIOR_WIDENING: f64 = 10.0;
+
+/// Why a run without GNSS cannot begin.
+const NO_REST: &str = "the inertial data do not begin with a second of rest";
 
 /// Samples since the first, and the search for a start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -36,11 +44,13 @@ pub struct Startup {
     vehicle: VehicleKind,
     noise: ImuNoise,
     lever_arm_b: Vector3<f64>,
+    /// Where the run begins, when no GNSS is to tell.
+    place: Option<Geodetic>,
     samples: Vec<Sample>,
     first_inertial: Option<Time>,
     positions: Vec<GnssPosition>,
     velocities: Vec<GnssVelocity>,
-    /// How many fixes (velocities if there are any, else positions) have been judged for a course.
+    /// How many fixes (velocities if there are any, else positions) have been judged for a course, or seconds for rest.
     judged: usize,
 }
 
@@ -67,6 +77,7 @@ impl Startup {
             vehicle: config.vehicle.kind,
             noise,
             lever_arm_b: Vector3::from(config.gnss.lever_arm_b_m.unwrap_or_default()),
+            place: config.place_without_gnss().map(|(place, _)| place),
             samples: Vec::new(),
             first_inertial: None,
             positions: Vec::new(),
@@ -111,6 +122,13 @@ impl Startup {
     pub fn try_align(&mut self) -> Option<Alignment> {
         let newest = self.samples.last().filter(|s| s.is_inertial())?.time();
         let waited = newest.since(self.first_inertial?);
+        if let Some(place) = self.place {
+            if waited < REST_AGAIN * (self.judged + 1) as f64 {
+                return None;
+            }
+            self.judged += 1;
+            return self.at_rest(place, false);
+        }
         self.positions.first()?;
         if self.settings.heading_deg.is_some() {
             return if waited >= LEAST_DATA {
@@ -155,12 +173,17 @@ impl Startup {
     /// A start with whatever is there, at the end of a log.
     ///
     /// # Errors
-    /// `NotStarted` without inertial samples or without a position.
+    /// `NotStarted` without inertial samples; without a position; or, when GNSS is not used, without a second of rest.
     pub fn align_with_what_there_is(&mut self) -> Result<Alignment> {
         if self.first_inertial.is_none() {
             return Err(Error::NotStarted {
                 missing: "no inertial sample",
             });
+        }
+        if let Some(place) = self.place {
+            return self
+                .at_rest(place, true)
+                .ok_or(Error::NotStarted { missing: NO_REST });
         }
         if self.positions.is_empty() {
             return Err(Error::NotStarted {
@@ -169,6 +192,68 @@ impl Startup {
         }
         self.align(None).ok_or(Error::NotStarted {
             missing: "fewer than two inertial samples",
+        })
+    }
+
+    /// A start at rest at `place`, once motion has begun or there has been enough of it; with `hurry`, with what there is.
+    ///
+    /// The position's sigma is zero, since positions count from there. So is the heading's where nobody tells it: headings then
+    /// count from it, and the Earth's horizontal rate, whose direction is not known, is left in the gyro bias.
+    fn at_rest(&mut self, place: Geodetic, hurry: bool) -> Option<Alignment> {
+        self.sort();
+        let imu = inertial(&self.samples);
+        let begin = imu.first()?.time;
+        let rest = rest_at_begin(&imu).filter(|rest| rest.over || hurry)?;
+        let told = self.samples.iter().find_map(|s| match s {
+            Sample::Heading(h) => Some((h.heading, h.sigma)),
+            _ => None,
+        });
+        let given = self.settings.heading_deg.map(|heading| {
+            let sigma = self.settings.heading_sigma_deg;
+            (
+                heading.to_radians(),
+                sigma.map_or(GIVEN_SIGMA, f64::to_radians),
+            )
+        });
+        let (heading, heading_sigma, heading_source) = match given.or(told) {
+            Some((heading, sigma)) => (heading, sigma, HeadingSource::Given),
+            None => (0.0, 0.0, HeadingSource::Relative),
+        };
+        let q_nb =
+            UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * from_force(&rest.force_b);
+        let mut earth_rate_n = earth_rate_n(place.latitude);
+        let mut direction = heading_sigma.min(1.0);
+        if heading_source == HeadingSource::Relative {
+            earth_rate_n.x = 0.0;
+            direction = 1.0;
+        }
+        let tilt_sigma = rest.force_sigma.hypot(self.noise.accel_bias_sigma) / STANDARD_GRAVITY;
+        let gyro_sigma = rest
+            .rate_sigma
+            .hypot(0.1 * self.noise.gyro_bias_sigma)
+            .hypot(EARTH_RATE * direction);
+        Some(Alignment {
+            nav: NavState {
+                time: begin,
+                position: place,
+                velocity_n: Vector3::zeros(),
+                q_nb,
+            },
+            imu_errors: ImuErrors {
+                gyro_bias: rest.rate_b - q_nb.inverse_transform_vector(&earth_rate_n),
+                ..ImuErrors::default()
+            },
+            sigma: InitialSigma {
+                position: Vector3::zeros(),
+                velocity: Vector3::repeat(REST_VELOCITY),
+                attitude: Vector3::new(tilt_sigma, tilt_sigma, heading_sigma),
+                gyro_bias: Vector3::repeat(gyro_sigma),
+                accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
+            },
+            standing_s: rest.span,
+            heading_source,
+            heading_at: begin,
+            reversing: false,
         })
     }
 

@@ -9,6 +9,7 @@ pub use stationary::{
     StandingForce, StationaryConfig, StationaryMode,
 };
 
+use crate::earth::Geodetic;
 use crate::error::{Error, Result};
 use crate::imu::{ImuGrade, ImuNoise, STANDARD_GRAVITY};
 use serde::de::{self, Visitor};
@@ -126,10 +127,52 @@ impl Config {
             "finite",
         )?;
         positive("alignment.heading_sigma_deg", alignment.heading_sigma_deg)?;
+        // North is what a solution is made of, and at the poles there is none.
+        check(
+            "alignment.latitude_deg",
+            alignment.latitude_deg,
+            |x| x.abs() <= 89.0,
+            "between -89 and 89",
+        )?;
+        let latitude_told_else = |rule: bool, expected| {
+            check(
+                "alignment.latitude_deg",
+                alignment.latitude_deg,
+                |_| !rule,
+                expected,
+            )
+        };
+        latitude_told_else(
+            gnss.used,
+            "left out where GNSS is used (gnss.use = false, or --imu-only)",
+        )?;
+        latitude_told_else(
+            output.origin.is_some(),
+            "left out where output.origin says it",
+        )?;
         stationary.validate()?;
         not_negative("output.rate_hz", output.rate_hz)?;
         finite("output.lever_arm_b_m", output.lever_arm_b_m)?;
         finite("output.origin", output.origin.unwrap_or_default())
+    }
+}
+
+/// Latitude of a run without GNSS of which nobody tells the place, degrees: gravity is within 0.3 % of that anywhere.
+const MIDDLE_LATITUDE_DEG: f64 = 45.0;
+
+impl Config {
+    /// Where a run without GNSS begins, and whether that was told; `None` for a run with GNSS.
+    pub fn place_without_gnss(&self) -> Option<(Geodetic, bool)> {
+        if self.gnss.used {
+            return None;
+        }
+        Some(match (self.output.origin, self.alignment.latitude_deg) {
+            (Some([latitude, longitude, height]), _) => {
+                (Geodetic::from_degrees(latitude, longitude, height), true)
+            }
+            (None, Some(latitude)) => (Geodetic::from_degrees(latitude, 0.0, 0.0), true),
+            (None, None) => (Geodetic::from_degrees(MIDDLE_LATITUDE_DEG, 0.0, 0.0), false),
+        })
     }
 }
 
@@ -168,6 +211,10 @@ pub struct ImuConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GnssConfig {
+    /// Whether positions and velocities are used. Without them a run begins at rest, at `output.origin` or at a latitude, and
+    /// positions count from there.
+    #[serde(rename = "use")]
+    pub used: bool,
     /// Antenna from the IMU, forward-right-down, m; absent: taken from the log's transforms, else zero.
     pub lever_arm_b_m: Option<[f64; 3]>,
     /// Least standard deviation of a position component that is believed, m.
@@ -211,6 +258,7 @@ pub struct ColourConfig {
 impl Default for GnssConfig {
     fn default() -> Self {
         GnssConfig {
+            used: true,
             lever_arm_b_m: None,
             // A carrier-phase fix is good to a centimetre and its antenna sways against the IMU by about as much.
             sigma_floor_m: 0.01,
@@ -409,10 +457,13 @@ impl NoiseConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AlignmentConfig {
-    /// Heading at the first sample, degrees clockwise from true north; absent: from the GNSS course.
+    /// Heading at the first sample, degrees clockwise from true north; absent: from the GNSS course. Without GNSS it is then
+    /// zero by definition: the map's north is where the nose pointed.
     pub heading_deg: Option<f64>,
     /// Its standard deviation, degrees; absent: 5.
     pub heading_sigma_deg: Option<f64>,
+    /// Latitude of a run without GNSS, degrees; absent: that of `output.origin`, else 45.
+    pub latitude_deg: Option<f64>,
 }
 
 /// `[output]`

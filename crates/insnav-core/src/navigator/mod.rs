@@ -63,6 +63,8 @@ const GAP_FORCE_SIGMA: f64 = 1.0;
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Navigator {
+    /// Whether positions and velocities of a receiver are used.
+    gnss: bool,
     time_offset: f64,
     velocity_lag: f64,
     noise: ImuNoise,
@@ -127,6 +129,7 @@ impl Navigator {
         // The clocks' differences push aiding back against the IMU: the horizon must be longer by as much.
         let delay = DELAY + gnss.time_offset_s.max(0.0) + gnss.velocity_lag_s.max(0.0);
         Ok(Navigator {
+            gnss: gnss.used,
             time_offset: gnss.time_offset_s,
             velocity_lag: gnss.velocity_lag_s,
             noise,
@@ -203,6 +206,9 @@ impl Navigator {
             | Sample::Standstill(_)
             | Sample::Speed(_) => *sample,
         };
+        if !self.gnss && matches!(sample, Sample::GnssPosition(_) | Sample::GnssVelocity(_)) {
+            return Ok(());
+        }
         if let Err(what) = sample.check_finite() {
             sink.event(&Event::NotFinite {
                 time: sample.time(),
@@ -343,6 +349,8 @@ impl Navigator {
         #[cfg(feature = "std")]
         if let Some(from) = last
             && next.time().since(from) > RESTART_GAP
+            // Without GNSS nothing would say where: the gap is bridged, whatever it costs.
+            && self.gnss
         {
             sink.event(&Event::ImuGap {
                 from,

@@ -122,7 +122,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
             Finding::new(
                 "imu_force_scale",
                 if BEARABLE_FORCE.contains(&(1.0 / factor)) { Severity::Warning } else { Severity::Fatal },
-                format!("the specific force is {length:.4} m/s² most of the time, where gravity is {STANDARD_GRAVITY:.2}"),
+                format!("the specific force is {length:.4} m/s² while the unit turns least, where gravity is {STANDARD_GRAVITY:.2}"),
                 "accelerations are off by that factor: the height and every change of speed would be wrong",
             )
             .flag(flag.clone()),

@@ -120,6 +120,8 @@ pub struct SourceFacts {
     pub options: Option<ReadOptions>,
     /// That the log was damaged, and what is left of it.
     pub recovered: Option<Warning>,
+    /// Topics of GNSS that are not read since none is wanted.
+    pub gnss_left_out: Vec<String>,
     /// Other topics that could be the IMU.
     pub other_imu_topics: Vec<String>,
 }

@@ -10,6 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 const SHORTEST: f64 = 3.0;
 /// And least number of intervals of the fixes in it.
 const INTERVALS: f64 = 6.0;
+/// The share of the log, by how fast the unit turns, in which the force is taken for gravity.
+const CALM: f64 = 0.2;
 /// Below this speed a course says little, m/s.
 const SLOWEST: f64 = 0.5;
 
@@ -41,7 +43,7 @@ pub(super) struct Motion {
     pub(super) stretches: Vec<Stretch>,
     /// Mean specific force of the whole log.
     pub(super) mean_force: Vector3<f64>,
-    /// Middle one of the lengths of the specific force, m/s².
+    /// Middle one of the lengths of the specific force while the unit turns least, m/s².
     pub(super) force_length: f64,
     /// Length of the mean force by the mean length: 1 when the force always points the same way.
     pub(super) steadiness: f64,
@@ -71,8 +73,16 @@ impl Motion {
         let blocks = &survey.imu_blocks.blocks;
         let mut motion = Motion::default();
         if !blocks.is_empty() {
-            let mut lengths: Vec<f64> = blocks.iter().map(|b| b.force().norm()).collect();
-            let mean_length = lengths.iter().sum::<f64>() / lengths.len() as f64;
+            let mean_length =
+                blocks.iter().map(|b| b.force().norm()).sum::<f64>() / blocks.len() as f64;
+            // A foot feels more than gravity most of the time, but not while it turns least.
+            let mut rates: Vec<f64> = blocks.iter().map(|b| b.rate().norm()).collect();
+            let calm = quantile(&mut rates, CALM);
+            let mut lengths: Vec<f64> = blocks
+                .iter()
+                .filter(|b| b.rate().norm() <= calm)
+                .map(|b| b.force().norm())
+                .collect();
             motion.mean_force = blocks
                 .iter()
                 .map(super::blocks::Block::force)

@@ -35,6 +35,18 @@ pub enum RunError {
         /// How many there are.
         positions: usize,
     },
+    /// A run without GNSS that does not begin at rest.
+    #[error("without GNSS a run begins at rest: {missing}")]
+    NoRest {
+        /// What was missing.
+        missing: &'static str,
+    },
+    /// An option about GNSS for a run without it.
+    #[error("{option} is about GNSS, and this run is without it")]
+    NeedsGnss {
+        /// Which option.
+        option: &'static str,
+    },
     /// Positions and inertial data of different times.
     #[error(
         "no GNSS position lies within the inertial data: IMU from {imu_begin:.1} to {imu_end:.1} s, positions from \
@@ -116,6 +128,8 @@ impl RunError {
             RunError::Unusable { finding, .. } => finding.code,
             RunError::NoGnss { .. } => "no_gnss_samples",
             RunError::AllWithheld { .. } => "all_withheld",
+            RunError::NoRest { .. } => "no_rest",
+            RunError::NeedsGnss { .. } => "needs_gnss",
             RunError::NoOverlap { .. } => "no_overlap",
             RunError::StartOutside { .. } => "start_outside",
             RunError::WindowTooLong { .. } => "window_too_long",
@@ -141,7 +155,9 @@ impl RunError {
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
             RunError::Unusable { finding, .. } => finding.remedy.clone(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
-            RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes".into(),
+            RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes, or navigate without them, from rest: `--imu-only`".into(),
+            RunError::NoRest { .. } => "let the recording begin with two seconds or more without any motion".into(),
+            RunError::NeedsGnss { option } => format!("leave out `{option}`, or `--imu-only` (`gnss.use = false`)"),
             RunError::AllWithheld { .. } => {
                 "leave fixes outside the intervals of `--withhold`, which count in seconds from the begin of the log".into()
             }

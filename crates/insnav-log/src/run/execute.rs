@@ -116,8 +116,13 @@ impl Plan {
         }
         let mut warnings = self.warnings.clone();
         warnings.extend(tally.totals.unusable.warning());
-        warnings.extend(findings(&tally));
+        warnings.extend(findings(&tally, self.imu_only.is_some()));
         warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));
+        let mut last = tally.last();
+        if let (Some(last), Some(way), Some(_)) = (&mut last, tally.from_start(), &self.imu_only) {
+            last.closure_horizontal_m = Some(way.xy().norm());
+            last.closure_height_m = Some(-way.z);
+        }
         let report = RunReport {
             imu_samples: tally.totals.imu_samples,
             duration_s: tally.duration_s(),
@@ -145,6 +150,7 @@ impl Plan {
             imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
             imu_mounting: self.mounting.clone(),
+            imu_only: self.imu_only.clone(),
             alignment: tally.totals.alignment,
             stops: tally.stops(),
             aiding: tally.aiding(),
@@ -153,7 +159,7 @@ impl Plan {
             position_resets: tally.totals.resets.clone(),
             unusable: tally.totals.unusable.count,
             withheld: tally.totals.withheld,
-            last: tally.last(),
+            last,
             wheels: self.wheels,
             calibration: navigator
                 .filter()
@@ -198,7 +204,7 @@ pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample, velocity_l
 }
 
 /// What the run itself brought to light.
-fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
+fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Warning> {
     let mut found = Vec::new();
     let mut warn = |code, message: String, remedy: &str| {
         found.push(Warning {
@@ -215,7 +221,9 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
                 "{} gaps in the inertial data, the longest {:.2} s, were bridged with widened uncertainty{}",
                 e.imu_gaps,
                 e.longest_gap_s,
-                if e.longest_gap_s > LONGEST_BRIDGED_S {
+                if without_gnss {
+                    ""
+                } else if e.longest_gap_s > LONGEST_BRIDGED_S {
                     "; where one was longer than 5 s the navigation started anew after it"
                 } else {
                     ""
@@ -297,7 +305,7 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>) -> Vec<Warning> {
         );
     } else if let Some(last) = tally
         .last()
-        .filter(|l| l.sigma_heading_deg > VAGUE_HEADING_DEG)
+        .filter(|l| l.sigma_heading_deg > VAGUE_HEADING_DEG && !without_gnss)
     {
         warn(
             "heading_vague",

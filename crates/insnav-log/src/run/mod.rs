@@ -25,6 +25,7 @@ mod survey;
 mod tally;
 mod wheels;
 mod withhold;
+mod without_gnss;
 
 pub use clocks::Clocks;
 pub use error::RunError;
@@ -32,8 +33,8 @@ pub use known_start::KnownStart;
 pub use oddities::find;
 pub use plan::{Plan, RunOptions};
 pub use report::{
-    AidingReport, AlignmentReport, Estimate, FinalReport, NoiseReport, ResetReport, RunReport,
-    ScaleReport, StopReport, Warning,
+    AidingReport, AlignmentReport, Estimate, FinalReport, ImuOnlyReport, NoiseReport, ResetReport,
+    RunReport, ScaleReport, StopReport, Warning,
 };
 pub use saved::{SavedRun, StateError};
 pub use source::{SolutionSink, Source, Stream};

@@ -6,7 +6,7 @@ use super::source::Source;
 use super::survey::Survey;
 use super::withhold::{Withhold, Withholding};
 use crate::findings::{self, Facts};
-use crate::{Finding, Log, ReadOptions, Role, Severity, SourceFacts};
+use crate::{Finding, Log, ReadOptions, Role, Severity, SourceFacts, TopicInfo};
 use insnav_core::config::Config;
 use insnav_core::time::Time;
 
@@ -62,6 +62,22 @@ pub(super) fn facts_of_log(log: &Log) -> Result<SourceFacts, RunError> {
             ..log.options().clone()
         }),
         recovered: log.recovery_warning(),
+        gnss_left_out: if log.options().leaves_out(Role::GnssPosition) {
+            let gnss = [Role::GnssPosition, Role::GnssVelocity];
+            let has = |t: &&TopicInfo| {
+                t.count > 0
+                    && gnss
+                        .iter()
+                        .any(|r| t.serves(*r) && r.accepts_unnamed(&t.name))
+            };
+            log.topics()
+                .iter()
+                .filter(has)
+                .map(|t| t.name.clone())
+                .collect()
+        } else {
+            Vec::new()
+        },
         other_imu_topics: others
             .filter(|(i, t)| Some(*i) != imu && t.serves(Role::Imu) && t.count > 0)
             .map(|(_, t)| t.name.clone())

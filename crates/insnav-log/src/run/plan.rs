@@ -4,13 +4,14 @@ use super::RunError;
 use super::clocks::{Clocks, find_clocks};
 use super::known_start::KnownStart;
 use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
-use super::report::Warning;
+use super::report::{ImuOnlyReport, Warning};
 use super::saved::SavedRun;
 use super::source::Source;
 use super::standing::{check_window, known_standing, outside, state_noise_at_rest};
 use super::survey::Survey;
 use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
+use super::without_gnss;
 use crate::findings;
 use crate::log::METADATA_T0;
 use crate::{Finding, Mounting, SinkOptions, config_text, config_text_with};
@@ -73,6 +74,8 @@ pub struct Plan {
     /// The settings as they were given.
     pub(super) given: String,
     start: Option<(Time, KnownStart)>,
+    /// Of a run without GNSS, what it begins with.
+    pub imu_only: Option<ImuOnlyReport>,
     pub(super) planning_s: f64,
 }
 
@@ -87,8 +90,15 @@ impl Plan {
         source.check()?;
         let (given, mut config) = (config_text(config), *config);
         config.validate()?;
-        let survey = Survey::of(source)?;
-        check(&survey)?;
+        if !config.gnss.used {
+            without_gnss::refuse_what_needs_it(options)?;
+            if options.start.is_none() {
+                without_gnss::look_for_rest(source, &config)?;
+            }
+        }
+        let mut survey = Survey::of(source)?;
+        let gnss_in_arrays = !config.gnss.used && survey.forget_gnss();
+        check(&survey, config.gnss.used)?;
         let (first, end) = survey.imu_span.ok_or(RunError::NoImu)?;
         let span = end.since(first);
         check_window(&config, span)?;
@@ -96,6 +106,7 @@ impl Plan {
         let facts = source.facts()?;
         let findings = findings_of(&facts, &survey, &config, origin, &options.withhold);
         refuse_fatal(&findings)?;
+        let imu_only = ImuOnlyReport::of(&config, gnss_in_arrays, facts.gnss_left_out);
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
         warnings.extend(late_fixes(&survey));
@@ -120,7 +131,7 @@ impl Plan {
         if config.gnss.lever_arm_b_m.is_none() {
             let known = source.lever_arm_b()?;
             lever_arm_known = known.is_some();
-            if known.is_none() {
+            if known.is_none() && config.gnss.used {
                 warnings.push(lever_arm_unknown());
             }
             config.gnss.lever_arm_b_m = Some(known.unwrap_or_default().into());
@@ -150,15 +161,16 @@ impl Plan {
             epochs_before: Vec::new(),
             given,
             start: None,
+            imu_only,
             planning_s: 0.0,
         };
         let withholding = plan.withholding();
         let positions = &plan.survey.positions;
-        if positions.iter().all(|p| withholding.takes(p.time)) {
+        if plan.config.gnss.used && positions.iter().all(|p| withholding.takes(p.time)) {
             let positions = positions.len();
             return Err(RunError::AllWithheld { positions });
         }
-        if !options.ignore_clocks {
+        if !options.ignore_clocks && plan.config.gnss.used {
             let clocks = find_clocks(
                 source,
                 &plan,
@@ -171,7 +183,9 @@ impl Plan {
         }
         let vehicle = plan.config.vehicle;
         if vehicle.nonholonomic == Nonholonomic::Auto && vehicle.kind == VehicleKind::Car {
-            plan.wheels = watch(source, &plan)?;
+            if plan.config.gnss.used {
+                plan.wheels = watch(source, &plan)?;
+            }
             let told = decide(&mut plan.config, plan.wheels.as_ref());
             plan.warnings.extend(told);
         }
@@ -189,16 +203,19 @@ impl Plan {
         options: &RunOptions,
     ) -> Result<Self, RunError> {
         let begin = Instant::now();
-        let survey = Survey::of(source)?;
+        let config = saved.complete_config()?;
+        let mut survey = Survey::of(source)?;
+        let gnss_in_arrays = !config.gnss.used && survey.forget_gnss();
         survey.imu_span.ok_or(RunError::NoImu)?;
         let facts = source.facts()?;
         // What the motion shows was judged with the first part.
         let findings = findings::of_topics(&facts, saved.origin);
+        let imu_only = ImuOnlyReport::of(&config, gnss_in_arrays, facts.gnss_left_out);
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
         warnings.extend(late_fixes(&survey));
         Ok(Plan {
-            config: saved.complete_config()?,
+            config,
             origin: saved.origin,
             grade: saved.grade,
             grade_picked: saved.grade_picked,
@@ -214,6 +231,7 @@ impl Plan {
             epochs_before: saved.epochs.clone(),
             given: saved.given.clone(),
             start: None,
+            imu_only,
             planning_s: begin.elapsed().as_secs_f64(),
         })
     }
@@ -282,7 +300,11 @@ impl Plan {
             Some([latitude, longitude, height]) => {
                 Some(Geodetic::from_degrees(latitude, longitude, height))
             }
-            None => self.survey.positions.first().map(|p| p.position),
+            None => match (self.config.place_without_gnss(), &self.start) {
+                (None, _) => self.survey.positions.first().map(|p| p.position),
+                (Some(_), Some((_, start))) => Some(start.position),
+                (Some((place, _)), None) => Some(place),
+            },
         };
         let mut metadata = std::collections::BTreeMap::from([
             (METADATA_T0.to_owned(), self.origin.0.to_string()),
@@ -354,13 +376,16 @@ fn late_fixes(survey: &Survey) -> Option<Warning> {
 }
 
 /// What makes a run impossible.
-fn check(survey: &Survey) -> Result<(), RunError> {
+fn check(survey: &Survey, gnss: bool) -> Result<(), RunError> {
     let (first, last) = survey.imu_span.ok_or(RunError::NoImu)?;
     if 2 * survey.imu_not_finite > survey.imu_samples {
         return Err(RunError::ImuNotFinite {
             not_finite: survey.imu_not_finite,
             samples: survey.imu_samples,
         });
+    }
+    if !gnss {
+        return Ok(());
     }
     let (Some(a), Some(b)) = (survey.positions.first(), survey.positions.last()) else {
         return Err(RunError::NoGnss {

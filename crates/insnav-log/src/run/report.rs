@@ -238,6 +238,17 @@ pub struct ScaleReport {
     pub learnt: bool,
 }
 
+/// What a run without GNSS begins with.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImuOnlyReport {
+    /// Latitude of the start, degrees.
+    pub latitude_deg: f64,
+    /// Whether nobody told it.
+    pub latitude_assumed: bool,
+    /// Topics of GNSS that the log has and that were not used.
+    pub gnss_left_out: Vec<String>,
+}
+
 /// The last epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FinalReport {
@@ -249,6 +260,12 @@ pub struct FinalReport {
     pub longitude_deg: f64,
     /// Ellipsoidal height, m.
     pub height_m: f64,
+    /// Without GNSS: horizontal distance from the start, m. A way that ends where it began closes by this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closure_horizontal_m: Option<f64>,
+    /// Without GNSS: height above the start, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closure_height_m: Option<f64>,
     /// Velocity north, east, down, m/s.
     pub velocity_ned_m_per_s: [f64; 3],
     /// Roll, degrees.
@@ -314,6 +331,9 @@ pub struct RunReport {
     pub lever_arm_b_m: [f64; 3],
     /// How the IMU is mounted, where the log's static transforms were taken for it.
     pub imu_mounting: Option<Mounting>,
+    /// Of a run without GNSS, what it begins with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imu_only: Option<ImuOnlyReport>,
     /// The start.
     pub alignment: Option<AlignmentReport>,
     /// Stops, in order of time.

@@ -164,7 +164,9 @@ impl Source for Log {
 
     fn check(&self) -> Result<(), RunError> {
         self.require(Role::Imu)?;
-        self.require(Role::GnssPosition)?;
+        if !self.options().leaves_out(Role::GnssPosition) {
+            self.require(Role::GnssPosition)?;
+        }
         self.optional(Role::GnssVelocity)?;
         self.optional(Role::Standing)?;
         Ok(())

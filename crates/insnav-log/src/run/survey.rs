@@ -80,6 +80,16 @@ impl Survey {
         Ok(survey)
     }
 
+    /// Forget what a receiver said. Whether there was anything.
+    pub(super) fn forget_gnss(&mut self) -> bool {
+        let had = !(self.positions.is_empty() && self.velocities.is_empty());
+        self.positions.clear();
+        self.velocities.clear();
+        self.stops.clear();
+        self.late = 0;
+        had
+    }
+
     fn saw_imu(&mut self, time: Time) {
         self.imu_samples += 1;
         let (first, last) = self.imu_span.get_or_insert((time, time));

@@ -4,10 +4,12 @@ use super::doubts::Unusable;
 use super::report::{AidingReport, AlignmentReport, FinalReport, ResetReport, StopReport};
 use insnav_core::alignment::Alignment;
 use insnav_core::attitude::Euler;
+use insnav_core::earth::Geodetic;
 use insnav_core::filter::{Update, Verdict};
 use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::solution::{Epoch, Event, Motion, Sink};
 use insnav_core::time::Time;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -55,6 +57,7 @@ pub(super) struct Totals {
     recent_way: VecDeque<(Time, f64)>,
     aids: Vec<(String, Aid)>,
     first: Option<Time>,
+    begin: Option<Geodetic>,
     last: Option<Epoch>,
     pub(super) distance_m: f64,
     pub(super) alignment: Option<AlignmentReport>,
@@ -120,10 +123,17 @@ impl<'a, S: Sink> Tally<'a, S> {
             .map(|epoch| last(epoch, self.origin))
     }
 
+    /// North, east, down from the first epoch to the last, m.
+    pub(super) fn from_start(&self) -> Option<Vector3<f64>> {
+        let last = self.totals.last.as_ref()?;
+        Some(self.totals.begin?.offset_to(&last.nav.position))
+    }
+
     fn observe(&mut self, epoch: &Epoch) {
         let time = epoch.nav.time;
         let totals = &mut self.totals;
         totals.first.get_or_insert(time);
+        totals.begin.get_or_insert(epoch.nav.position);
         if let Some(before) = &totals.last {
             let speed =
                 0.5 * (before.nav.velocity_n.xy().norm() + epoch.nav.velocity_n.xy().norm());
@@ -257,6 +267,8 @@ fn last(epoch: &Epoch, origin: Time) -> FinalReport {
         latitude_deg: epoch.nav.position.latitude_deg(),
         longitude_deg: epoch.nav.position.longitude_deg(),
         height_m: epoch.nav.position.height,
+        closure_horizontal_m: None,
+        closure_height_m: None,
         velocity_ned_m_per_s: epoch.nav.velocity_n.into(),
         roll_deg: e.roll.to_degrees(),
         pitch_deg: e.pitch.to_degrees(),
