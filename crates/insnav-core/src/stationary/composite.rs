@@ -45,6 +45,20 @@ pub(super) fn expected_variance(window: f64, low_pass: &LowPass) -> f64 {
     3.0 * (1.0 - 1.0 / (2.0 * low_pass.noise_bandwidth() * window)).max(0.1)
 }
 
+/// People get in, doors close: a car sways by a tenth of a degree at 0.4 Hz, that is by 0.25 °/s, about each axis, rad/s.
+const ROCKING_RATE: f64 = 0.25 / 180.0 * core::f64::consts::PI;
+/// And by this along each, m/s².
+const ROCKING_FORCE: f64 = 0.25;
+
+/// LPMV and LPGV of a body that stands and rocks as much as people make it.
+pub(super) fn rocking(noise: &RestNoise, low_pass: &LowPass) -> [f64; 2] {
+    let two_b = 2.0 * low_pass.noise_bandwidth();
+    [
+        3.0 * ROCKING_FORCE.powi(2) / (two_b * noise.accel_white.powi(2)),
+        3.0 * ROCKING_RATE.powi(2) / (two_b * noise.gyro_white.powi(2)),
+    ]
+}
+
 /// Quantile of LPMV and LPGV at rest, about the mean of a window of this length.
 pub(super) fn variance_threshold(window: f64, low_pass: &LowPass, z: f64) -> f64 {
     let freedom = (low_pass.freedom() * window).max(1.0);

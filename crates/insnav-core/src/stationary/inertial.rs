@@ -141,6 +141,14 @@ impl InertialTests {
         })
     }
 
+    /// Thresholds of LPMV and LPGV, at least those of a body that rocks with the people in it.
+    pub(super) fn rocking(&self, thresholds: [f64; 2]) -> [f64; 2] {
+        let rocks = self.low_pass.as_ref().map_or([0.0; 2], |low_pass| {
+            composite::rocking(&self.noise, low_pass)
+        });
+        [thresholds[0].max(rocks[0]), thresholds[1].max(rocks[1])]
+    }
+
     /// The test over the long window, once it is full. `thresholds` are those of LPMV and LPGV.
     pub(super) fn long(&self, belief: &Belief, thresholds: [f64; 2]) -> Option<Ratios> {
         let m = self.long.moments()?;

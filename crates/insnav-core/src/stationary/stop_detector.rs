@@ -36,10 +36,9 @@ pub struct Belief {
     pub velocity_covariance_n: Matrix3<f64>,
 }
 
-/// Factor on the thresholds that is allowed a body of which GNSS measures that it stands: people move in it, doors close, it
-/// rocks on its springs by a tenth of a degree a second. Two and a half times the amplitude; a turn of 0.2 °/s is more. The
-/// short window, which sees a start, has no such leave.
-const LIVELY: f64 = 6.0;
+/// Factor on the mean rate's threshold that is allowed a body of which GNSS measures that it stands: two and a half times the
+/// rate; a turn of 0.2 °/s is more.
+const ROCKING: f64 = 6.0;
 /// Below this share of the speed limit GNSS measures that a body stands.
 const SURELY: f64 = 0.3;
 
@@ -238,7 +237,6 @@ impl StopDetector {
             Said::NOT_ASKED
         };
         let surely = said.confirmed && said.moving.is_some_and(|m| m < SURELY);
-        let lively = if surely { LIVELY } else { 1.0 };
         if self.standing.is_some()
             && (said.moving.is_some_and(|m| m > 1.0) || self.tests.short(belief) > 1.0)
         {
@@ -252,12 +250,18 @@ impl StopDetector {
             Some(standing) => standing.thresholds,
             None if self.adaptive && said.moving.is_some() => self.learnt.raise(fixed),
             None => [fixed; 2],
-        }
-        .map(|threshold| threshold.max(lively * fixed));
+        };
+        // The short window, which sees a start, has no such leave.
+        let thresholds = match surely {
+            true => self.tests.rocking(thresholds),
+            false => thresholds,
+        };
         let Some(mut ratios) = self.tests.long(belief, thresholds) else {
             return;
         };
-        ratios.mean_rate /= lively;
+        if surely {
+            ratios.mean_rate /= ROCKING;
+        }
         if self.adaptive {
             self.learnt.observe(now, said.confirmed, ratios.variances);
         }
