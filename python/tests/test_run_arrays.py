@@ -279,3 +279,31 @@ def test_without_gnss_the_way_counts_from_the_start(truth: Drive) -> None:
         insnav.run({"imu": still}, CONFIG, imu_only=True, withhold="1:2")
     with pytest.raises(insnav.InsnavError, match="GNSS"):
         insnav.run({"imu": still}, CONFIG)
+
+
+def test_stops_are_set_and_told(truth: Drive) -> None:
+    known = {**CONFIG, "stationary": {"mode": "zupt", "detector": "none", "intervals_s": [[5.0, 15.0]]}}
+    s = insnav.run(noisy(truth, 14), known)
+    (stop,) = s.summary["stops"]
+    assert stop["begin_s"] == pytest.approx(5, abs=0.02) and stop["end_s"] == pytest.approx(15, abs=0.1)
+    assert stop["evidence"]["witness"] == "interval" and stop["evidence"]["speed"] is None
+    assert "intervals_s = [[5.0, 15.0]]" in s.summary["config"]
+    inside = (s.time_s > 5.1) & (s.time_s < 14.9)
+    assert np.all(s.standing[inside]) and not np.any(s.standing[s.time_s > 16])
+    assert np.allclose(s.standing_s[inside], s.time_s[inside] - stop["begin_s"])
+    assert s.stop_ratios.shape == (len(s), 4)
+    with pytest.raises(insnav.InsnavError, match=r"stationary\.mode"):
+        insnav.run(noisy(truth, 14), {**CONFIG, "stationary": {"mode": "hold"}})
+    with pytest.raises(insnav.InsnavError, match="window_s"):
+        insnav.run(noisy(truth, 14), {**CONFIG, "stationary": {"window_s": 1e4}})
+
+
+def test_standing_is_declared_by_arrays(truth: Drive) -> None:
+    config = {**CONFIG, "stationary": {"detector": "none"}}
+    declared = {**noisy(truth, 15), "standstill": ([5.0, 15.0], [True, False]), "speed": ([5.0, 15.0], [0.0, 0.0])}
+    s = insnav.run(declared, config)
+    (stop,) = s.summary["stops"]
+    assert stop["begin_s"] == pytest.approx(5, abs=0.02)
+    assert stop["evidence"]["witness"] == "declared"
+    with pytest.raises(insnav.InsnavError, match="neither true nor false"):
+        insnav.run({**declared, "standstill": ([5.0], [float("nan")])}, config)

@@ -86,6 +86,9 @@ def test_columns_are_those_of_the_file(log: str, data: Path, tmp_path: Path) -> 
         for i, row in enumerate(["nn ne nd", "ne ee ed", "nd ed dd"]):
             assert np.array_equal(getattr(s, ours)[:, i], column(*map(theirs_like.format, row.split()))), ours
     assert np.array_equal(s.standing, column("motion") != 0)
+    assert np.array_equal(s.standing_s, column("standing_s"))
+    ratios = [f"stop_{what}_ratio" for what in ["specific_force", "angular_rate", "mean_rate", "speed"]]
+    assert np.array_equal(s.stop_ratios, column(*ratios), equal_nan=True)
 
 
 def test_arrays_do_as_the_log_does(data: Path) -> None:

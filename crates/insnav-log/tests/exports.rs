@@ -4,6 +4,7 @@ use insnav_core::earth::Geodetic;
 use insnav_core::imu::ImuErrors;
 use insnav_core::mechanization::NavState;
 use insnav_core::solution::{Epoch, Motion, Sink};
+use insnav_core::stationary::{Evidence, Witness};
 use insnav_core::time::Time;
 use insnav_log::tum::Trajectory;
 use insnav_log::{ExportFormat, Log, McapSink, ReadOptions, SinkOptions, SolutionTable, export};
@@ -222,5 +223,77 @@ fn an_empty_solution_leaves_no_file() {
         let error = export(&log, &out, format, false).unwrap_err();
         assert_eq!(error.code(), "not_a_solution");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}
+
+#[test]
+fn standing_and_what_speaks_for_it_come_back_from_mcap_and_csv() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stop.mcap");
+    let options = SinkOptions {
+        rate_hz: 0.0,
+        ..SinkOptions::default()
+    };
+    let mut sink = McapSink::create(&path, options).unwrap();
+    let evidence = Evidence {
+        witness: Witness::Detector,
+        specific_force: 0.5,
+        angular_rate: 0.25,
+        mean_rate: f64::NAN,
+        speed: 0.125,
+    };
+    for (k, motion) in [Motion::Moving, Motion::Stationary { since: Time(T0) }]
+        .into_iter()
+        .enumerate()
+    {
+        sink.epoch(&Epoch {
+            nav: NavState {
+                time: Time(T0 + 2_500_000_000 * k as i64),
+                position: Geodetic::from_degrees(59.0, 18.0, 30.0),
+                velocity_n: Vector3::zeros(),
+                q_nb: UnitQuaternion::identity(),
+            },
+            rate_b: Vector3::zeros(),
+            imu_errors: ImuErrors::default(),
+            motion,
+            evidence,
+            covariance: SMatrix::identity(),
+        });
+    }
+    sink.finish().unwrap();
+    let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+    let log = Log::open(&path, ReadOptions::default()).unwrap();
+    let csv = folder.path().join("stop.csv");
+    export(&log, &csv, ExportFormat::Csv, true).unwrap();
+    for (file, has_evidence) in [(&path, true), (&csv, false)] {
+        let table = SolutionTable::read(file).unwrap();
+        assert!(table.has_standing);
+        assert_eq!(table.stationary, [false, true]);
+        assert_eq!(table.standing_s, [0.0, 2.5]);
+        let got = table.stop_evidence[1];
+        if has_evidence {
+            assert_eq!(got.witness, Witness::Detector);
+            let pairs = [
+                (got.specific_force, 0.5),
+                (got.angular_rate, 0.25),
+                (got.mean_rate, f64::NAN),
+                (got.speed, 0.125),
+            ];
+            assert!(pairs.iter().all(|(a, b)| same(*a, *b)), "{got:?}");
+        }
+    }
+    let text = std::fs::read_to_string(&csv).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let last: Vec<&str> = lines.next_back().unwrap().split(',').collect();
+    for (name, value) in [
+        ("standing_s", "2.5"),
+        ("stop_specific_force_ratio", "0.5"),
+        ("stop_angular_rate_ratio", "0.25"),
+        ("stop_mean_rate_ratio", "nan"),
+        ("stop_speed_ratio", "0.125"),
+    ] {
+        let column = header.iter().position(|h| *h == name).unwrap();
+        assert_eq!(last[column], value, "{name}");
     }
 }

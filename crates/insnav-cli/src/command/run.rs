@@ -395,8 +395,8 @@ impl Run {
             check_output(&path, self.force)?;
         }
         if let Some(path) = &self.save_state {
-            not_the_input(&job.input, path)?;
-            check_output(path, self.may_replace_state(path))?;
+            not_the_input(&job.input, path).map_err(of_state)?;
+            check_output(path, self.may_replace_state(path)).map_err(|e| of_state(e.into()))?;
         }
         Ok(())
     }
@@ -451,7 +451,9 @@ impl Run {
         sink.finish()?;
         let also = self.export(job)?;
         if let (Some(path), Some(state)) = (&self.save_state, state) {
-            state.write(path, self.may_replace_state(path))?;
+            state
+                .write(path, self.may_replace_state(path))
+                .map_err(|e| of_state(e.into()))?;
         }
         Ok(Outcome {
             input: job.input.clone(),
@@ -499,6 +501,13 @@ impl Run {
         output.result(&serde_json::json!({ "config": text }), || text.clone());
         Ok(0)
     }
+}
+
+/// The same failure about the file of `--save-state`: its remedies name the flag of the solution.
+fn of_state(mut failure: Failure) -> Failure {
+    let remedy = &mut failure.problem.remedy;
+    *remedy = remedy.replace("`-o`", "`--save-state`");
+    failure
 }
 
 fn summaries(entries: &[Entry]) -> String {

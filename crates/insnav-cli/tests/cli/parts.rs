@@ -208,12 +208,18 @@ fn a_state_does_not_take_the_place_of_a_file_unasked() {
     cut(&folder, 60.0);
     std::fs::write(folder.path("run.state"), "precious").unwrap();
     let (state, log) = (folder.text("run.state"), folder.text("a.mcap"));
-    insnav_json(["run", &log, "--save-state", &state]).failed(1, "output_exists");
+    let (_, remedy) = insnav_json(["run", &log, "--save-state", &state]).failed(1, "output_exists");
+    assert!(
+        remedy.contains("--save-state") && !remedy.contains("-o"),
+        "{remedy}"
+    );
     assert_eq!(
         std::fs::read(folder.path("run.state")).unwrap(),
         b"precious"
     );
-    insnav_json(["run", &log, "--save-state", &log, "--force"]).failed(1, "output_is_input");
+    let same = insnav_json(["run", &log, "--save-state", &log, "--force"]);
+    let (_, remedy) = same.failed(1, "output_is_input");
+    assert!(remedy.contains("--save-state"), "{remedy}");
     insnav_json(["run", &log, &folder.text("b.mcap"), "--save-state", &state]).failed(2, "usage");
     // In a loop over the parts one name is enough.
     run(

@@ -30,13 +30,25 @@ macro_rules! state_message {
 
         impl<'a> Decode<'a> for State<'a> {
             fn read<W: Wire<'a>>(from: &mut W) -> Result<Self, DecodeError> {
-                Ok(State { header: Header::of(from)?, $($field: from.f64(stringify!($field))?,)* motion: from.u8("motion")?,
-                    // Files of before there was a detector end here.
-                    stop_witness: from.u8("stop_witness").unwrap_or(0),
-                    stop_specific_force_ratio: from.f64("stop_specific_force_ratio").unwrap_or(f64::NAN),
-                    stop_angular_rate_ratio: from.f64("stop_angular_rate_ratio").unwrap_or(f64::NAN),
-                    stop_mean_rate_ratio: from.f64("stop_mean_rate_ratio").unwrap_or(f64::NAN),
-                    stop_speed_ratio: from.f64("stop_speed_ratio").unwrap_or(f64::NAN) })
+                let state = State { header: Header::of(from)?, $($field: from.f64(stringify!($field))?,)* motion: from.u8("motion")?,
+                    stop_witness: 0,
+                    stop_specific_force_ratio: f64::NAN,
+                    stop_angular_rate_ratio: f64::NAN,
+                    stop_mean_rate_ratio: f64::NAN,
+                    stop_speed_ratio: f64::NAN,
+                };
+                // Files of before there was a detector end here.
+                let Ok(stop_witness) = from.u8("stop_witness") else {
+                    return Ok(state);
+                };
+                Ok(State {
+                    stop_witness,
+                    stop_specific_force_ratio: from.f64("stop_specific_force_ratio")?,
+                    stop_angular_rate_ratio: from.f64("stop_angular_rate_ratio")?,
+                    stop_mean_rate_ratio: from.f64("stop_mean_rate_ratio")?,
+                    stop_speed_ratio: from.f64("stop_speed_ratio")?,
+                    ..state
+                })
             }
         }
 
