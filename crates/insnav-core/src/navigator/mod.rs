@@ -32,6 +32,9 @@ use standing::Standing;
 /// Between the head and the tail, s, on top of what the clocks differ by: room for late samples before the look ahead.
 const DELAY: f64 = 0.5 + LOOK_AHEAD;
 
+/// So much of what was kept at a start does the detector see before the run begins, s: its window and what it waits beyond.
+#[cfg(feature = "std")]
+const SCOUT: f64 = 3.5;
 /// A longer interval between inertial samples is a gap, s.
 const GAP: f64 = 0.2;
 /// After a longer gap the run starts anew, s: a car may have turned round, which no linear filter bridges.
@@ -81,6 +84,8 @@ pub struct Navigator {
     optional: OptionalStates,
     speed: GnssSpeed,
     detector: StopDetector,
+    /// Up to here the detector has seen what was kept at the start.
+    scouted: Option<Time>,
     standing: Standing,
 }
 
@@ -149,6 +154,7 @@ impl Navigator {
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
             detector: StopDetector::new(&stationary, &noise),
+            scouted: None,
             standing: Standing::new(&stationary, &noise),
         })
     }
@@ -272,15 +278,31 @@ impl Navigator {
             return Ok(());
         };
         sink.event(&Event::Started(alignment));
+        let mut samples = startup.into_samples();
+        // What came before the first inertial sample has served the alignment.
+        samples.retain(|sample| sample.time() >= alignment.nav.time);
+        self.scout(&samples);
         let mut outcome = Ok(());
-        for sample in startup.into_samples() {
-            // What came before the first inertial sample has served the alignment.
-            if sample.time() >= alignment.nav.time {
-                // One bad measurement must not cost the samples behind it.
-                outcome = outcome.and(self.admit(sample, sink));
-            }
+        for sample in samples {
+            // One bad measurement must not cost the samples behind it.
+            outcome = outcome.and(self.admit(sample, sink));
         }
         outcome
+    }
+
+    /// Look for a stop in what was kept before the run begins: one that it begins with would else be seen only seconds later,
+    /// and a heading of which nothing is known must not be lost to the noise of those.
+    #[cfg(feature = "std")]
+    fn scout(&mut self, samples: &[Sample]) {
+        let (Stage::Running(filter), Some(first)) = (&self.stage, samples.first()) else {
+            return;
+        };
+        let belief = belief(filter);
+        let until = first.time().plus(SCOUT);
+        for sample in samples.iter().take_while(|s| s.time() <= until) {
+            self.detector.observe(sample, &belief);
+            self.scouted = Some(sample.time());
+        }
     }
 
     fn admit(&mut self, sample: Sample, sink: &mut impl Sink) -> Result<()> {
@@ -340,7 +362,9 @@ impl Navigator {
         };
         let belief = belief(filter);
         while let Some(sample) = self.horizon.look_ahead(next.time().plus(LOOK_AHEAD)) {
-            self.detector.observe(sample, &belief);
+            if self.scouted.is_none_or(|until| sample.time() > until) {
+                self.detector.observe(sample, &belief);
+            }
         }
         while let Some(notice) = self.detector.take_notice() {
             sink.event(&notice.into());
