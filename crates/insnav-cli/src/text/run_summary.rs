@@ -188,9 +188,12 @@ fn drive(r: &RunReport) -> String {
             plural(r.stops.len(), "stop")
         )
     };
+    let stances = r
+        .stances
+        .map_or(String::new(), |n| format!(", {}", plural(n, "stance")));
     let speed = r.duration_s / r.elapsed_s.max(1e-9);
     format!(
-        "{}, {}, {stops}; {} IMU samples in {:.2} s ({speed:.0} × real time)",
+        "{}, {}, {stops}{stances}; {} IMU samples in {:.2} s ({speed:.0} × real time)",
         span(r.duration_s),
         way(r.distance_m),
         r.imu_samples,

@@ -248,3 +248,45 @@ fn a_foot_is_no_wrong_unit() {
     let remedy = info["problem"]["remedy"].as_str().unwrap();
     assert!(remedy.contains("--imu-only"), "{remedy}");
 }
+
+/// Walks of 86 m that end where they began (to 1 cm), with no setting but that it is a foot; thresholds halved and doubled close
+/// them as well, so that nothing hangs on them.
+#[test]
+fn loops_on_foot_close_by_their_stances() {
+    let foot = ["--set", "vehicle.kind=foot", "--latitude-deg", "59.35"];
+    for scale in ["1.5", "0.75", "3"] {
+        let scaled = format!("stationary.threshold_scale={scale}");
+        let mut closed = 0;
+        for name in ["openshoe_2", "openshoe_30", "openshoe_31"] {
+            let Some(recording) = recordings(name) else {
+                return;
+            };
+            let folder = Folder::new();
+            let log = folder.text("foot.mcap");
+            let done = insnav_json(["convert", &recording.display().to_string(), "-o", &log]);
+            assert_eq!(done.code, 0, "{}", done.stderr);
+            let run = imu_only(
+                &folder,
+                "foot.mcap",
+                &[&foot[..], &["--set", &scaled]].concat(),
+            );
+            let closure = number(&run["final"]["closure_horizontal_m"]);
+            let sigma = number(&run["final"]["sigma_horizontal_m"]);
+            eprintln!("{name}, thresholds × {scale}: closes to {closure:.2} m ± {sigma:.2} m");
+            closed += i32::from(closure <= 0.5);
+            assert!(sigma < 0.6 && closure < 3.0 * sigma, "{closure} ± {sigma}");
+            // A step a second or so for a minute; long stops are at the ends.
+            let stances = number(&run["stances"]);
+            let stops = run["stops"].as_array().unwrap();
+            assert!((35.0..70.0).contains(&stances), "{stances}");
+            assert!((1..=5).contains(&stops.len()), "{}", stops.len());
+            if scale == "1.5" {
+                let off = [&foot[..], &["--stationary", "off"]].concat();
+                let off = imu_only(&folder, "foot.mcap", &off);
+                let closure = number(&off["final"]["closure_horizontal_m"]);
+                assert!(closure > 100.0, "without zero velocities: {closure}");
+            }
+        }
+        assert!(closed >= 2, "{closed} of 3 with thresholds × {scale}");
+    }
+}

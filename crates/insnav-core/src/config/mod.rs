@@ -4,6 +4,7 @@
 
 mod stationary;
 
+pub(crate) use stationary::ZERO_VELOCITY;
 pub use stationary::{
     Bookkeeping, DetectorKind, HeadingRateGain, HeadingRow, Intervals, MOST_INTERVALS,
     StandingForce, StationaryConfig, StationaryMode,

@@ -7,6 +7,12 @@ use core::fmt;
 use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+/// Noise of the zero velocity of a vehicle, m/s/√Hz: 0.02 m/s at 100 Hz.
+pub(crate) const ZERO_VELOCITY: f64 = 0.002;
+/// Of a foot: it rolls on at about 0.02 m/s for some 0.1 s at a time, the same way in every step (\[Nilsson12b\]), and errors
+/// of σ correlated over τ weigh like white noise of σ √(2τ).
+const ZERO_VELOCITY_ON_FOOT: f64 = 0.01;
+
 /// What a filter makes of a stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -220,8 +226,9 @@ pub struct StationaryConfig {
     pub gyro_arw_deg_per_sqrt_hour: Option<f64>,
     /// White noise of the accelerometers at rest, likewise, m/s/√h.
     pub accel_vrw_m_per_s_per_sqrt_hour: Option<f64>,
-    /// Noise of the zero velocity, m/s/√Hz: at an interval of dt its standard deviation is this over √dt.
-    pub zero_velocity_m_per_s_per_sqrt_hz: f64,
+    /// Noise of the zero velocity, m/s/√Hz: at an interval of dt its standard deviation is this over √dt; absent: 0.002 (0.02 m/s
+    /// at 100 Hz), and 0.01 on a foot.
+    pub zero_velocity_m_per_s_per_sqrt_hz: Option<f64>,
     /// Noise of the held heading or attitude, degrees/√Hz, likewise.
     pub held_heading_deg_per_sqrt_hz: f64,
     /// Row of `heading_hold`.
@@ -253,8 +260,7 @@ impl Default for StationaryConfig {
             speed_m_per_s: 0.25,
             gyro_arw_deg_per_sqrt_hour: None,
             accel_vrw_m_per_s_per_sqrt_hour: None,
-            // 0.02 m/s at 100 Hz.
-            zero_velocity_m_per_s_per_sqrt_hz: 0.002,
+            zero_velocity_m_per_s_per_sqrt_hz: None,
             // 0.1° at 100 Hz.
             held_heading_deg_per_sqrt_hz: 0.01,
             heading_row: HeadingRow::default(),
@@ -295,6 +301,12 @@ impl StationaryConfig {
         });
         self.entry_s
             .get_or_insert(if composite { 0.5 } else { 0.0 });
+        self.zero_velocity_m_per_s_per_sqrt_hz
+            .get_or_insert(if on_foot {
+                ZERO_VELOCITY_ON_FOOT
+            } else {
+                ZERO_VELOCITY
+            });
         self
     }
 
@@ -321,14 +333,14 @@ impl StationaryConfig {
             )
         };
         positive("stationary.window_s", self.window_s)?;
+        positive(
+            "stationary.zero_velocity_m_per_s_per_sqrt_hz",
+            self.zero_velocity_m_per_s_per_sqrt_hz,
+        )?;
         not_negative("stationary.entry_s", self.entry_s.unwrap_or_default())?;
         for (key, value) in [
             ("stationary.threshold_scale", self.threshold_scale),
             ("stationary.speed_m_per_s", self.speed_m_per_s),
-            (
-                "stationary.zero_velocity_m_per_s_per_sqrt_hz",
-                self.zero_velocity_m_per_s_per_sqrt_hz,
-            ),
             (
                 "stationary.held_heading_deg_per_sqrt_hz",
                 self.held_heading_deg_per_sqrt_hz,
@@ -386,6 +398,7 @@ mod tests {
             detector: DetectorKind::Mv,
             window_s: Some(0.3),
             entry_s: Some(0.2),
+            zero_velocity_m_per_s_per_sqrt_hz: Some(0.03),
             ..open
         };
         assert_eq!(set.for_vehicle(VehicleKind::Foot), set);

@@ -1,6 +1,6 @@
 //! The body stands: its velocity is zero.
 
-use crate::config::StationaryConfig;
+use crate::config::{StationaryConfig, ZERO_VELOCITY};
 use crate::error::Result;
 use crate::filter::{
     Columns, Eskf, Gate, Layout, Linearized, Measurement, Nominal, Update, VELOCITY,
@@ -43,7 +43,9 @@ impl ZeroVelocityAid {
     /// From the settings.
     pub fn new(config: &StationaryConfig) -> Self {
         ZeroVelocityAid {
-            density: config.zero_velocity_m_per_s_per_sqrt_hz,
+            density: config
+                .zero_velocity_m_per_s_per_sqrt_hz
+                .unwrap_or(ZERO_VELOCITY),
         }
     }
 

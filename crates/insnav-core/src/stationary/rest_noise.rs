@@ -13,6 +13,8 @@ pub struct RestNoise {
     pub accel_white: f64,
     /// Of the gyros, rad/√s.
     pub gyro_white: f64,
+    /// No sample is taken to be better than this, whatever its interval: specific force, m/s², and rate, rad/s.
+    least_of_a_sample: [f64; 2],
     /// Standard deviation of what the accelerometer bias adds to |f|, m/s².
     pub accel_bias: f64,
 }
@@ -20,12 +22,11 @@ pub struct RestNoise {
 /// Gravity may differ so much from its standard value, m/s² (9.780 at the equator, 9.832 at the poles).
 const GRAVITY: f64 = 0.03;
 
-/// A foot on the ground rolls on: its specific force (m/s²) and rate (rad/s) of a sample, equal on all axes. With the
-/// threshold of six or so these are the 1.7 m/s² and 0.3 rad/s that \[Nilsson12\] uses (0.01 m/s² and 0.1 °/s with γ = 3e4).
-const STANCE_FORCE: f64 = 0.7;
-const STANCE_RATE: f64 = 0.12;
-/// Interval at which these are stated, s.
-const STANCE_INTERVAL: f64 = 0.01;
+/// A foot on the ground rolls on: its specific force (m/s²) and rate (rad/s) of a sample, equal on all axes and at any rate of
+/// samples, since it is motion and no noise. With the threshold of twelve or so that 25 samples and the usual scale of 1.5 make,
+/// these are the 1.7 m/s² and 0.3 rad/s that \[Nilsson12\] uses (0.01 m/s² and 0.1 °/s with γ = 3e4).
+const STANCE_FORCE: f64 = 0.5;
+const STANCE_RATE: f64 = 0.087;
 
 impl RestNoise {
     /// The noise of the settings where they state it, else `noise`; for a `stance` no less than a foot on the ground shows.
@@ -36,27 +37,28 @@ impl RestNoise {
         let accel_white = config
             .accel_vrw_m_per_s_per_sqrt_hour
             .map_or(noise.accel_white, |d| d / 60.0);
-        let (least_force, least_rate) = if stance {
-            (STANCE_FORCE, STANCE_RATE)
-        } else {
-            // Far below any unit's: only a division by zero is kept out.
-            (1e-9, 1e-12)
-        };
-        let per_root_second = STANCE_INTERVAL.sqrt();
+        // Far below any unit's: only a division by zero is kept out.
         RestNoise {
-            accel_white: accel_white.max(least_force * per_root_second),
-            gyro_white: gyro_white.max(least_rate * per_root_second),
+            accel_white: accel_white.max(1e-10),
+            gyro_white: gyro_white.max(1e-13),
+            least_of_a_sample: if stance {
+                [STANCE_FORCE, STANCE_RATE]
+            } else {
+                [0.0; 2]
+            },
             accel_bias: noise.accel_bias_sigma.hypot(GRAVITY),
         }
     }
 
     /// Variance of one axis of the specific force in samples of this interval, m²/s⁴.
     pub fn force_variance(&self, dt: f64) -> f64 {
-        self.accel_white * self.accel_white / dt.max(1e-6)
+        let least = self.least_of_a_sample[0];
+        (self.accel_white * self.accel_white / dt.max(1e-6)).max(least * least)
     }
 
     /// Of the rate, rad²/s².
     pub fn rate_variance(&self, dt: f64) -> f64 {
-        self.gyro_white * self.gyro_white / dt.max(1e-6)
+        let least = self.least_of_a_sample[1];
+        (self.gyro_white * self.gyro_white / dt.max(1e-6)).max(least * least)
     }
 }

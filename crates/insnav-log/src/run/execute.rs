@@ -12,7 +12,7 @@ use super::tally::{Tally, Totals};
 use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
-use insnav_core::config::SigmaScale;
+use insnav_core::config::{SigmaScale, VehicleKind};
 use insnav_core::error::Error as CoreError;
 use insnav_core::navigator::Navigator;
 use insnav_core::sample::Sample;
@@ -55,7 +55,10 @@ impl Plan {
             sink.resume(state);
         }
         let before = from.map_or_else(Totals::default, |saved| saved.totals.clone());
-        let mut tally = Tally::new(sink, self.origin, before);
+        let mut tally = {
+            let on_foot = self.config.vehicle.kind == VehicleKind::Foot;
+            Tally::new(sink, self.origin, on_foot, before)
+        };
         let mut samples = source.stream(from.map(|saved| &saved.reader), save)?;
         for sample in &mut samples {
             let sample = sample?;
@@ -153,6 +156,7 @@ impl Plan {
             imu_only: self.imu_only.clone(),
             alignment: tally.totals.alignment,
             stops: tally.stops(),
+            stances: tally.stances(),
             aiding: tally.aiding(),
             gnss_sigma_scale: scales[0],
             gnss_velocity_sigma_scale: scales[1],

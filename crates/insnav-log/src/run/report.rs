@@ -338,6 +338,9 @@ pub struct RunReport {
     pub alignment: Option<AlignmentReport>,
     /// Stops, in order of time.
     pub stops: Vec<StopReport>,
+    /// On a foot: how many stops were shorter than a second, which are not listed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stances: Option<usize>,
     /// Measurements.
     pub aiding: Vec<AidingReport>,
     /// Factors on stated position sigmas.

@@ -13,6 +13,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
+/// What is shorter on a foot is the stance of a step, s.
+const STANCE: f64 = 1.0;
 /// Epochs per second that the tally looks at, whatever the sink wants: enough for way and stops.
 const PERIOD: f64 = 0.1;
 
@@ -53,6 +55,7 @@ const BELIEVED_WITHIN: f64 = 60.0;
 pub(super) struct Totals {
     next_own: Option<Time>,
     stops: Vec<StopReport>,
+    stances: usize,
     /// Of the last minute: instants, and the way up to each from the one before.
     recent_way: VecDeque<(Time, f64)>,
     aids: Vec<(String, Aid)>,
@@ -72,15 +75,17 @@ pub(super) struct Totals {
 pub(super) struct Tally<'a, S> {
     sink: &'a mut S,
     wanted_by_sink: bool,
+    on_foot: bool,
     origin: Time,
     pub(super) totals: Totals,
 }
 
 impl<'a, S: Sink> Tally<'a, S> {
-    /// `before`: what a run that is resumed has counted.
-    pub(super) fn new(sink: &'a mut S, origin: Time, before: Totals) -> Self {
+    /// `before`: what a run that is resumed has counted. On a foot, short stops are counted and not told.
+    pub(super) fn new(sink: &'a mut S, origin: Time, on_foot: bool, before: Totals) -> Self {
         Tally {
             sink,
+            on_foot,
             wanted_by_sink: false,
             origin,
             totals: before,
@@ -96,6 +101,11 @@ impl<'a, S: Sink> Tally<'a, S> {
             .first
             .zip(self.totals.last)
             .map_or(0.0, |(first, last)| last.nav.time.since(first))
+    }
+
+    /// Stops that were too short to be told; `None` but on a foot.
+    pub(super) fn stances(&self) -> Option<usize> {
+        self.on_foot.then_some(self.totals.stances)
     }
 
     pub(super) fn stops(&self) -> Vec<StopReport> {
@@ -214,6 +224,9 @@ impl<S: Sink> Sink for Tally<'_, S> {
                 let before = recent.partition_point(|(t, _)| t <= begin);
                 let taken: f64 = recent.drain(before..).map(|(_, way)| way).sum();
                 totals.distance_m -= taken;
+            }
+            Event::StopEnded(stop) if self.on_foot && stop.end.since(stop.begin) < STANCE => {
+                totals.stances += 1;
             }
             Event::StopEnded(stop) => totals.stops.push(StopReport::new(stop, self.origin)),
             Event::StandstillFlaps { time } => {
