@@ -12,6 +12,7 @@ mod outputs;
 mod parts;
 mod real_data;
 mod recover;
+mod reproduce;
 mod run;
 mod simulate;
 mod stationary;

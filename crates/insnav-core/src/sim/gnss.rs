@@ -7,7 +7,6 @@ use crate::earth::LocalEarth;
 use crate::error::Result;
 use crate::sample::{GnssPosition, GnssVelocity, Sample};
 use crate::time::Time;
-use core::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -187,7 +186,7 @@ pub(super) fn simulate(
         colour_sigma: Vector3::from(model.position_colour_sigma_m),
         colour_tau: model.position_colour_tau_s,
         interval: 1.0 / model.position_rate_hz,
-        scaled: model.scaled_to_sigma.then_some(&[0..2, 2..3]),
+        scaled: model.scaled_to_sigma.then_some(POSITION_GROUPS),
     };
     let errors = positions.draw(
         instants(model.position_rate_hz).count(),
@@ -218,7 +217,7 @@ pub(super) fn simulate(
         colour_sigma: Vector3::from(model.velocity_colour_sigma_m_per_s),
         colour_tau: model.velocity_colour_tau_s,
         interval: 1.0 / model.velocity_rate_hz,
-        scaled: model.scaled_to_sigma.then_some(&[0..3]),
+        scaled: model.scaled_to_sigma.then_some(VELOCITY_GROUPS),
     };
     let errors = velocities.draw(
         instants(model.velocity_rate_hz).count(),
@@ -244,6 +243,10 @@ pub(super) fn simulate(
     fixes
 }
 
+/// Components that are scaled by one factor: horizontal position and height, velocity.
+const POSITION_GROUPS: &[&[usize]] = &[&[0, 1], &[2]];
+const VELOCITY_GROUPS: &[&[usize]] = &[&[0, 1, 2]];
+
 /// Errors of one kind of fix but for outliers.
 struct Errors<'a> {
     sigma: Vector3<f64>,
@@ -252,7 +255,7 @@ struct Errors<'a> {
     /// Between fixes, s.
     interval: f64,
     /// The components that are scaled to their sigmas together.
-    scaled: Option<&'a [Range<usize>]>,
+    scaled: Option<&'a [&'a [usize]]>,
 }
 
 impl Errors<'_> {
@@ -266,14 +269,14 @@ impl Errors<'_> {
             }
             errors.push(white.normal3().component_mul(&self.sigma) + colour.value);
         }
-        for range in self.scaled.into_iter().flatten() {
-            let squares = |v: &Vector3<f64>| range.clone().map(|i| v[i] * v[i]).sum::<f64>();
+        for group in self.scaled.into_iter().flatten() {
+            let squares = |v: &Vector3<f64>| group.iter().map(|&i| v[i] * v[i]).sum::<f64>();
             let shown = errors.iter().map(squares).sum::<f64>() / count as f64;
             let wanted = squares(&self.sigma) + squares(&self.colour_sigma);
             if shown > 0.0 {
                 let factor = (wanted / shown).sqrt();
                 for error in &mut errors {
-                    range.clone().for_each(|i| error[i] *= factor);
+                    group.iter().for_each(|&i| error[i] *= factor);
                 }
             }
         }

@@ -1,0 +1,121 @@
+//! Published experiments, made again.
+
+use crate::fixture::{Folder, insnav, insnav_json};
+use std::collections::BTreeSet;
+
+const VARIANTS: [&str; 10] = [
+    "basic",
+    "zupt",
+    "zupt_zihr_bias_only",
+    "zupt_zihr_naive",
+    "zupt_zihr_correlated",
+    "paper_exact",
+    "paper_variance_only",
+    "attitude_clone",
+    "static",
+    "static_coloured_gnss",
+];
+const QUANTITIES: [&str; 10] = [
+    "horizontal_rms_m",
+    "height_rms_m",
+    "velocity_rms_m_per_s",
+    "roll_pitch_rms_deg",
+    "heading_end_rms_deg",
+    "heading_end_sigma_deg",
+    "heading_end_nees",
+    "heading_growth_rms_deg",
+    "attitude_nees",
+    "position_nees",
+];
+
+#[test]
+fn names_are_those_of_the_contract_whatever_the_number_of_threads_and_the_figure_is_whole() {
+    let folder = Folder::new();
+    let plot = folder.text("heading.svg");
+    let base = ["reproduce", "kozadaev2017", "--runs", "2", "--seed", "7"];
+    let done = insnav_json(base.iter().copied().chain(["--jobs", "1", "--plot", &plot]));
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    assert_eq!(
+        (
+            json["paper"].as_str(),
+            json["runs"].as_u64(),
+            json["seed"].as_u64()
+        ),
+        (Some("kozadaev2017"), Some(2), Some(7))
+    );
+    let rows = json["rows"].as_array().unwrap();
+    let row = |variant: &str, quantity: &str| {
+        let mut found = rows
+            .iter()
+            .filter(|r| r["variant"] == variant && r["quantity"] == quantity);
+        let row = found
+            .next()
+            .unwrap_or_else(|| panic!("{variant} {quantity}"));
+        assert!(found.next().is_none(), "twice: {variant} {quantity}");
+        row
+    };
+    for variant in VARIANTS {
+        for quantity in QUANTITIES {
+            let row = row(variant, quantity);
+            assert_eq!(row["case"], "stop_300s");
+            assert!(row["ours"].as_f64().unwrap() >= 0.0, "{row}");
+            let keys: BTreeSet<&str> = row.as_object().unwrap().keys().map(|k| &**k).collect();
+            for key in ["published", "standard_error", "limit", "note"] {
+                assert!(keys.contains(key), "{key} in {row}");
+            }
+        }
+    }
+    let basic = row("basic", "heading_end_rms_deg");
+    assert_eq!(basic["published"], 7.2);
+    let note = basic["note"].as_str().unwrap();
+    assert!(note.contains("cannot come out"), "{note}");
+    assert_eq!(row("paper_exact", "heading_end_rms_deg")["published"], 0.51);
+    let limit = row("static", "heading_end_rms_deg")["limit"].as_f64();
+    assert!((limit.unwrap() - 0.5).abs() < 1e-3, "the start's 0.5°");
+
+    let svg = std::fs::read_to_string(folder.path("heading.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
+    for name in ["basic", "paper_exact", "static"] {
+        assert!(svg.contains(&format!(">{name}<")), "{name}");
+    }
+    // Two lines in one panel, four in the other, each with its band.
+    assert_eq!(svg.matches("fill-opacity").count(), 6);
+
+    let again = insnav_json(base.iter().copied().chain(["--jobs", "3"]));
+    assert_eq!(again.stdout, done.stdout);
+    // Refused before any work.
+    let error = insnav_json(base.iter().copied().chain(["--plot", &plot]));
+    error.failed(1, "output_exists");
+}
+
+#[test]
+fn what_cannot_be_done_is_said() {
+    let folder = Folder::new();
+    let both = [
+        "reproduce",
+        "kozadaev2017",
+        "--multi-stop",
+        "--imu",
+        "x.mcap",
+    ];
+    insnav_json(both).failed(2, "usage");
+    insnav_json(["reproduce", "kozadaev2017", "--runs", "1"]).failed(2, "usage");
+    insnav_json(["reproduce", "kozadaev2018"]).failed(2, "usage");
+    let help = insnav(["reproduce", "kozadaev2017", "--help"]);
+    assert!(help.stdout.contains("--imu") && help.stdout.contains("--multi-stop"));
+
+    let mut table = String::from("t_s,gx,gy,gz,ax,ay,az\n");
+    for i in 0..1000 {
+        table.push_str(&format!("{},0,0,0,0,0,-9.8\n", f64::from(i) * 0.01));
+    }
+    std::fs::write(folder.path("imu.csv"), table).unwrap();
+    let short = insnav_json([
+        "reproduce",
+        "kozadaev2017",
+        "--imu",
+        &folder.text("imu.csv"),
+    ]);
+    let (message, _) = short.failed(1, "not_at_rest");
+    assert!(message.contains("imu.csv"), "{message}");
+}
