@@ -6,7 +6,8 @@
 //! With B the noise bandwidth of the low-pass, W the window, d_a and d_g the densities of the noise:
 //! LPMV = var f / (2 B d_a²), LPGV = var ω / (2 B d_g²), sums over three axes, and
 //! GY = (ω̄ − b)ᵀ (I (d_g²/W + ε²) + P_b)⁻¹ (ω̄ − b), with b the rate that the filter expects at rest, P_b its covariance and
-//! ε = 0.01 °/s for what a bias does within a stop.
+//! ε = 0.01 °/s for what a bias does within a stop. GY is also taken of a mean over up to six seconds, as long as the variances
+//! agree: what a window cannot tell from its noise, that mean can.
 
 use super::low_pass::LowPass;
 use super::quantile::{ONE_IN_1E3, of_squares};
@@ -71,17 +72,18 @@ pub(super) fn energy_threshold(window: f64, low_pass: &LowPass, z: f64) -> f64 {
     of_squares(3.0, 6.0 / freedom, z)
 }
 
-/// GY; infinite where the covariance is none. `step` is the gyros' step where it is coarse: their mean is known to a part of
-/// it only.
+/// GY of a mean over `span` seconds; infinite where the covariance is none. `step` is the gyros' step where it is coarse: their
+/// mean is known to a part of it only.
 pub(super) fn mean_rate(
-    m: &Moments,
+    mean: &Vector3<f64>,
+    span: f64,
     expected: &Vector3<f64>,
     expected_covariance: &Matrix3<f64>,
     step: &Vector3<f64>,
     noise: &RestNoise,
 ) -> f64 {
-    let off = m.mean_rate() - expected;
-    let own = noise.gyro_white.powi(2) / m.span.max(1e-6) + BIAS_WANDER * BIAS_WANDER;
+    let off = mean - expected;
+    let own = noise.gyro_white.powi(2) / span.max(1e-6) + BIAS_WANDER * BIAS_WANDER;
     let rounding = step.map(|s| s * s / 12.0);
     let covariance =
         expected_covariance + Matrix3::from_diagonal(&(Vector3::repeat(own) + rounding));

@@ -50,7 +50,7 @@ struct Span {
 
 impl Span {
     fn holds_at(&self, at: Time) -> bool {
-        self.stands == Some(true) && self.begin <= at && self.end.is_none_or(|end| at <= end)
+        self.stands == Some(true) && self.begin <= at && self.end.is_none_or(|end| at < end)
     }
 
     /// Ask the filter, which has come to `at`: once, as soon as it is at the begin.

@@ -19,6 +19,8 @@ const LEAST_LONG: f64 = 0.5;
 const FIRST_INTERVALS: u32 = 20;
 /// Of the running mean of intervals.
 const RATE_MEMORY: f64 = 1.0 / 256.0;
+/// The slow mean of the rate remembers so much, s.
+const SLOW: f64 = 6.0;
 /// A sampling rate that differs by more calls for another low-pass.
 const RATE_CHANGE: f64 = 0.1;
 
@@ -51,6 +53,21 @@ pub(super) struct Moved {
     pub(super) anew: bool,
 }
 
+/// Mean rate over a longer time than the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct SlowMean {
+    mean: Vector3<f64>,
+    /// Time that it is over, s, at most [`SLOW`]: beyond, the oldest fades, which leaves no more noise than a mean over this.
+    span: f64,
+}
+
+impl SlowMean {
+    fn push(&mut self, part: &Moments) {
+        self.span = (self.span + part.span).min(SLOW);
+        self.mean += (part.mean_rate() - self.mean) * (part.span / self.span).min(1.0);
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct InertialTests {
     kind: DetectorKind,
@@ -63,6 +80,7 @@ pub(super) struct InertialTests {
     long: Window,
     short: Option<Window>,
     steps: GyroSteps,
+    slow: SlowMean,
     /// How far LPMV and LPGV of the present stop are above those of the noise, at least 1.
     level: [f64; 2],
 }
@@ -80,11 +98,13 @@ impl InertialTests {
             long: Window::new(length),
             short: (length >= LEAST_LONG).then(|| Window::new(SHORT)),
             steps: GyroSteps::default(),
+            slow: SlowMean::default(),
             level: [1.0; 2],
         }
     }
 
     pub(super) fn clear(&mut self) {
+        self.forget_mean();
         self.long.clear();
         if let Some(short) = &mut self.short {
             short.clear();
@@ -92,6 +112,11 @@ impl InertialTests {
         if let Some(low_pass) = &mut self.low_pass {
             low_pass.reset();
         }
+    }
+
+    /// The body moves: what came before says nothing about a bias.
+    pub(super) fn forget_mean(&mut self) {
+        self.slow = SlowMean::default();
     }
 
     pub(super) fn gyro_step(&self) -> Vector3<f64> {
@@ -115,18 +140,28 @@ impl InertialTests {
                 Some(low_pass) if fits(low_pass) => low_pass,
                 other => {
                     moved.anew = other.is_some();
+                    self.long.clear();
+                    if let Some(short) = &mut self.short {
+                        short.clear();
+                    }
+                    self.slow = SlowMean::default();
                     other.insert(LowPass::new(1.0 / self.dt))
                 }
             };
             let x = Vector6::new(force.x, force.y, force.z, rate.x, rate.y, rate.z);
             let y = low_pass.push(&x);
+            if !low_pass.has_settled() {
+                return moved;
+            }
             force = y.fixed_rows::<3>(0).into_owned();
             rate = y.fixed_rows::<3>(3).into_owned();
         }
-        if moved.anew {
-            self.clear();
-        }
         moved.long = self.long.push(dt, &force, &rate);
+        if moved.long
+            && let Some(part) = self.long.newest()
+        {
+            self.slow.push(part);
+        }
         moved.short = self
             .short
             .as_mut()
@@ -149,8 +184,14 @@ impl InertialTests {
         [thresholds[0].max(rocks[0]), thresholds[1].max(rocks[1])]
     }
 
-    /// The test over the long window, once it is full. `thresholds` are those of LPMV and LPGV.
-    pub(super) fn long(&self, belief: &Belief, thresholds: [f64; 2]) -> Option<Ratios> {
+    /// The test over the long window, once it is full. `thresholds` are those of LPMV and LPGV; the window's mean rate has
+    /// `rocking` times the room, the slow one has not: what rocks comes back, what turns does not.
+    pub(super) fn long(
+        &self,
+        belief: &Belief,
+        thresholds: [f64; 2],
+        rocking: f64,
+    ) -> Option<Ratios> {
         let m = self.long.moments()?;
         let mut ratios = Ratios {
             specific_force: f64::NAN,
@@ -164,13 +205,20 @@ impl InertialTests {
             ratios.variances = composite::variances(&m, None, &self.noise, low_pass);
             ratios.specific_force = ratios.variances[0] / thresholds[0];
             ratios.angular_rate = ratios.variances[1] / thresholds[1];
-            let mean_rate = composite::mean_rate(
-                &m,
-                &belief.rate_b,
-                &belief.rate_covariance_b,
-                &self.gyro_step(),
-                &self.noise,
-            );
+            let of = |mean: &Vector3<f64>, span: f64| {
+                composite::mean_rate(
+                    mean,
+                    span,
+                    &belief.rate_b,
+                    &belief.rate_covariance_b,
+                    &self.gyro_step(),
+                    &self.noise,
+                )
+            };
+            let mut mean_rate = of(&m.mean_rate(), m.span) / rocking;
+            if self.slow.span > m.span {
+                mean_rate = mean_rate.max(of(&self.slow.mean, self.slow.span));
+            }
             ratios.mean_rate = mean_rate / (composite::mean_rate_threshold() * self.scale);
         } else {
             let [force, rate] = self.single(&m, belief, ONE_IN_1E3);
@@ -204,16 +252,27 @@ impl InertialTests {
         (energy[0] / self.level[0]).max(energy[1] / self.level[1]) / threshold
     }
 
-    /// Remember how lively the stop is: at once when it begins, then slowly, so that a start does not hide itself.
+    /// Remember how lively the stop is: at once when it begins, then falling within half a second (what is left of braking
+    /// leaves the window), rising within five, so that a start does not hide itself.
     pub(super) fn learn_level(&mut self, variances: [f64; 2], begins: bool) {
         let Some(low_pass) = &self.low_pass else {
             return;
         };
         let expected = composite::expected_variance(self.length, low_pass);
-        let share = if begins { 1.0 } else { 0.02 };
         for (level, variance) in self.level.iter_mut().zip(variances) {
-            *level += ((variance / expected).max(1.0) - *level) * share;
+            let seen = (variance / expected).max(1.0);
+            let share = match (begins, seen < *level) {
+                (true, _) => 1.0,
+                (false, true) => 0.2,
+                (false, false) => 0.02,
+            };
+            *level += (seen - *level) * share;
         }
+    }
+
+    /// How lively it is, factors on LPMV and LPGV of the noise, at least 1.
+    pub(super) fn level(&self) -> [f64; 2] {
+        self.level
     }
 
     /// Ratios of one of the four of [Skog10], of force and of rate; NaN where it has none.

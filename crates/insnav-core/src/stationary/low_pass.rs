@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Corner, Hz: above what a body at rest on its springs does, below what an engine does.
 pub(super) const CORNER: f64 = 5.0;
+/// An impulse has gone to a thousandth after so long, s: the slower pair of poles falls as exp(−2π 5 Hz · 0.383 t).
+const SETTLES: f64 = 0.6;
 /// Below this sampling rate there is nothing to take away, Hz.
 const LEAST_RATE: f64 = 15.0;
 /// Quality of the two sections of a Butterworth filter of fourth order: 1/(2 cos π/8), 1/(2 cos 3π/8).
@@ -56,7 +58,8 @@ impl Section {
 pub(super) struct LowPass {
     /// `None` where the sampling is too slow for it.
     sections: Option<[Section; 2]>,
-    settled: bool,
+    /// Samples since the first.
+    age: u32,
     rate: f64,
     noise_bandwidth: f64,
     freedom: f64,
@@ -68,7 +71,7 @@ impl LowPass {
         if rate < LEAST_RATE {
             return LowPass {
                 sections: None,
-                settled: true,
+                age: 0,
                 rate,
                 noise_bandwidth: 0.5 * rate,
                 freedom: rate,
@@ -87,7 +90,7 @@ impl LowPass {
         }
         LowPass {
             sections: Some(QUALITY.map(|q| Section::new(warped, q))),
-            settled: false,
+            age: 0,
             rate,
             noise_bandwidth: power,
             freedom: 2.0 * power * power / square,
@@ -109,21 +112,27 @@ impl LowPass {
         self.freedom
     }
 
+    /// Whether what the first sample had of noise and vibration has gone.
+    pub(super) fn has_settled(&self) -> bool {
+        self.sections.is_none() || f64::from(self.age) >= SETTLES * self.rate
+    }
+
     /// The next sample is the first.
     pub(super) fn reset(&mut self) {
-        self.settled = self.sections.is_none();
+        self.age = 0;
     }
 
     /// One sample.
     pub(super) fn push(&mut self, x: &Vector6<f64>) -> Vector6<f64> {
+        let first = self.age == 0;
+        self.age = self.age.saturating_add(1);
         let Some(sections) = &mut self.sections else {
             return *x;
         };
-        if !self.settled {
+        if first {
             for section in sections.iter_mut() {
                 section.settle(x);
             }
-            self.settled = true;
         }
         sections.iter_mut().fold(*x, |x, section| section.push(&x))
     }

@@ -16,6 +16,9 @@ const SPEAKS_FOR: f64 = 2.0;
 /// Velocities that fit into the mean: two seconds at 20 Hz; of faster ones the mean is over less.
 const KEPT: usize = 44;
 
+/// A receiver's vertical velocity is about twice as noisy as its horizontal one.
+const VERTICAL_WEIGHT: f64 = 0.5;
+
 /// Chi-square quantile of three degrees of freedom, one in a thousand.
 const CONTRADICTS: f64 = 16.3;
 /// What a standing filter's velocity may be wrong by on top of its sigma, m/s.
@@ -32,6 +35,8 @@ pub(super) struct Said {
     pub moving: Option<f64>,
     /// Largest of everything that is asked before a stop is believed.
     pub before_entry: f64,
+    /// When GNSS or wheels were last faster than the limit, in a single velocity: a stop begins after it.
+    pub(super) fast_until: Option<Time>,
     /// Whether GNSS or wheels confirm that the body stands, without the filter.
     pub confirmed: bool,
 }
@@ -41,6 +46,7 @@ impl Said {
     pub(super) const NOT_ASKED: Said = Said {
         moving: None,
         before_entry: 0.0,
+        fast_until: None,
         confirmed: false,
     };
 }
@@ -50,13 +56,18 @@ impl Said {
 pub(super) struct SpeedWitness {
     velocities: Deque<(Time, Vector3<f64>), KEPT>,
     wheels: Option<(Time, f64)>,
+    fast_until: Option<Time>,
 }
 
 impl SpeedWitness {
-    pub(super) fn observe_gnss(&mut self, fix: &GnssVelocity) {
+    /// `limit`: the speed (m/s) above which nobody stands.
+    pub(super) fn observe_gnss(&mut self, fix: &GnssVelocity, limit: f64) {
         let mut velocity_n = fix.velocity_n;
         if !velocity_n.z.is_finite() {
             velocity_n.z = 0.0;
+        }
+        if velocity_n.xy().norm() > limit {
+            self.fast_until = Some(fix.time);
         }
         while let Some((time, _)) = self.velocities.front()
             && (self.velocities.is_full() || fix.time.since(*time) > MEAN_OVER)
@@ -66,7 +77,10 @@ impl SpeedWitness {
         let _ = self.velocities.push_back((fix.time, velocity_n));
     }
 
-    pub(super) fn observe_wheels(&mut self, speed: &Speed) {
+    pub(super) fn observe_wheels(&mut self, speed: &Speed, limit: f64) {
+        if speed.speed.abs() > limit {
+            self.fast_until = Some(speed.time);
+        }
         self.wheels = Some((speed.time, speed.speed.abs()));
     }
 
@@ -86,7 +100,8 @@ impl SpeedWitness {
         let sum: Vector3<f64> = self.velocities.iter().map(|(_, v)| v).sum();
         let mean = sum / self.velocities.len() as f64;
         let alive = self.velocities.iter().any(|(_, v)| v != newest);
-        Some((mean.norm(), alive))
+        let speed = mean.xy().norm().max(VERTICAL_WEIGHT * mean.z.abs());
+        Some((speed, alive))
     }
 
     /// All that is said now; `limit` is the speed (m/s) above which nobody stands.
@@ -109,6 +124,7 @@ impl SpeedWitness {
         Said {
             moving,
             before_entry: moving.unwrap_or(0.0).max(own),
+            fast_until: self.fast_until,
             confirmed: (alive || wheels.is_some()) && moving.is_some_and(|m| m < 0.5),
         }
     }
@@ -154,11 +170,12 @@ mod tests {
     }
 
     fn hear(witness: &mut SpeedWitness, t: f64, north: f64) {
-        witness.observe_gnss(&GnssVelocity {
+        let fix = GnssVelocity {
             time: Time::from_seconds(t),
             velocity_n: Vector3::new(north, 0.0, f64::NAN),
             covariance_n: None,
-        });
+        };
+        witness.observe_gnss(&fix, 0.25);
     }
 
     #[test]
@@ -225,10 +242,11 @@ mod tests {
     #[test]
     fn wheels_at_rest_need_a_filter_that_does_not_contradict() {
         let mut wheels = SpeedWitness::default();
-        wheels.observe_wheels(&Speed {
+        let stand = Speed {
             time: Time(0),
             speed: 0.0,
-        });
+        };
+        wheels.observe_wheels(&stand, 0.25);
         let ratio = |speed, sigma| {
             wheels
                 .said(Time(0), 0.25, &belief(speed, sigma))

@@ -19,6 +19,12 @@ use serde::{Deserialize, Serialize};
 pub const LOOK_AHEAD: f64 = 0.5;
 /// A longer interval between inertial samples ends a stop, s.
 const GAP: f64 = 0.2;
+/// A stop begins only with a mean rate this much below its threshold, a ratio: one at the edge would begin and end it for ever.
+const SURELY_STEADY: f64 = 0.6;
+/// While GNSS or wheels confirm a stop, LPMV and LPGV may be this much above their thresholds before it is believed (five
+/// times the amplitude): an engine that starts to idle roughly shakes a car by several times the noise at rest, also below
+/// 5 Hz, and what is left to be kept out is creeping below half the speed limit.
+const LENIENT: f64 = 25.0;
 /// A declaration is held against the filter's velocity this much before the filter is there, s: less would cost the first
 /// sample of the stop where stamps do not meet.
 const JUDGED_EARLY: f64 = 0.05;
@@ -36,8 +42,8 @@ pub struct Belief {
     pub velocity_covariance_n: Matrix3<f64>,
 }
 
-/// Factor on the mean rate's threshold that is allowed a body of which GNSS measures that it stands: two and a half times the
-/// rate; a turn of 0.2 °/s is more.
+/// Factor on the threshold of a window's mean rate that is allowed a body that stands and of which GNSS measures that it does:
+/// two and a half times the rate. Not before a stop is believed, nor to the slow mean: what rocks comes back.
 const ROCKING: f64 = 6.0;
 /// Below this share of the speed limit GNSS measures that a body stands.
 const SURELY: f64 = 0.3;
@@ -46,7 +52,7 @@ const SURELY: f64 = 0.3;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Standing {
     since: Time,
-    /// Those of LPMV and LPGV at the entry: what was allowed then is allowed to the end.
+    /// Those of LPMV and LPGV by which it was found: what was learnt then holds to the end, also without GNSS.
     thresholds: [f64; 2],
 }
 
@@ -61,9 +67,9 @@ struct Stretch {
 /// Takes all samples in the order of time, ahead of the filter, and says whether the body stands.
 ///
 /// A stop is believed when the test of the settings agrees for a window and [`StationaryConfig::entry_s`] more, and nothing
-/// that knows the speed objects: GNSS, wheels, or, where neither speaks, the filter itself. It then began where the first
-/// agreeing window began. It ends at the first violation, also of a window of 0.2 s; at a hole in the inertial data; when
-/// GNSS or wheels say so.
+/// that knows the speed objects: GNSS, wheels, or, where neither speaks, the filter itself. Where GNSS or wheels confirm it, the
+/// body may shake more. It then began where the first agreeing window began, or when it was last heard to be fast. It ends at
+/// the first violation, also of a window of 0.2 s; at a hole in the inertial data; when GNSS or wheels say so.
 ///
 /// A window shorter than the look ahead is taken to be that of a foot on the ground: its noise is that of a stance, it is older than the filter's velocity by the time that it is
 /// judged, and the foot stands while its wearer walks: such windows ask nobody about the speed.
@@ -81,9 +87,16 @@ pub struct StopDetector {
     speed: SpeedWitness,
     learnt: Learnt,
     declared: Declared,
-    agreed_since: Option<Time>,
     /// When the last stop ended: what moved then is no part of the next.
     moved_at: Option<Time>,
+    /// Begin of the first window of those whose variances agree without a break.
+    quiet_since: Option<Time>,
+    /// The same with what a confirmed speed allows.
+    lenient_since: Option<Time>,
+    /// Since when mean rate and speed agree.
+    agreed_since: Option<Time>,
+    /// Since when the mean rate agrees and GNSS or wheels confirm.
+    confirmed_since: Option<Time>,
     standing: Option<Standing>,
     /// Stretches that the filter has not passed yet.
     stretches: Deque<Stretch, 8>,
@@ -113,8 +126,11 @@ impl StopDetector {
             speed: SpeedWitness::default(),
             learnt: Learnt::default(),
             declared: Declared::new(config.intervals_s),
-            agreed_since: None,
             moved_at: None,
+            quiet_since: None,
+            lenient_since: None,
+            agreed_since: None,
+            confirmed_since: None,
             standing: None,
             stretches: Deque::new(),
             gap: None,
@@ -138,8 +154,8 @@ impl StopDetector {
             Sample::ImuIncrement(s) => {
                 self.inertial(s.time, belief, |dt| (s.velocity_b / dt, s.angle_b / dt));
             }
-            Sample::GnssVelocity(fix) => self.speed.observe_gnss(fix),
-            Sample::Speed(speed) => self.speed.observe_wheels(speed),
+            Sample::GnssVelocity(fix) => self.speed.observe_gnss(fix, self.speed_limit),
+            Sample::Speed(speed) => self.speed.observe_wheels(speed, self.speed_limit),
             Sample::Standstill(said) => self.declared.observe(said),
             Sample::GnssPosition(_) | Sample::Heading(_) => {}
         }
@@ -247,7 +263,14 @@ impl StopDetector {
         }
         let fixed = self.tests.fixed();
         let thresholds = match self.standing {
-            Some(standing) => standing.thresholds,
+            Some(standing) => {
+                let [force, rate] = self.tests.level();
+                let of = |threshold: f64, level: f64| threshold.max(fixed * level);
+                [
+                    of(standing.thresholds[0], force),
+                    of(standing.thresholds[1], rate),
+                ]
+            }
             None if self.adaptive && said.moving.is_some() => self.learnt.raise(fixed),
             None => [fixed; 2],
         };
@@ -256,12 +279,13 @@ impl StopDetector {
             true => self.tests.rocking(thresholds),
             false => thresholds,
         };
-        let Some(mut ratios) = self.tests.long(belief, thresholds) else {
+        let rocking = match self.standing {
+            Some(_) if surely => ROCKING,
+            _ => 1.0,
+        };
+        let Some(ratios) = self.tests.long(belief, thresholds, rocking) else {
             return;
         };
-        if surely {
-            ratios.mean_rate /= ROCKING;
-        }
         if self.adaptive {
             self.learnt.observe(now, said.confirmed, ratios.variances);
         }
@@ -277,36 +301,70 @@ impl StopDetector {
             mean_rate: ratios.mean_rate,
             speed,
         };
-        if ratios.largest().max(speed) >= 1.0 {
-            self.end(now);
-            self.agreed_since = None;
-            return;
-        }
+        let quiet = ratios.specific_force.max(ratios.angular_rate) < 1.0;
+        let lenient = ratios.variances.iter().all(|v| *v < LENIENT * fixed);
         if self.standing.is_some() {
-            self.tests.learn_level(ratios.variances, false);
+            if ratios.largest() >= 1.0 {
+                self.end(now);
+            } else {
+                self.tests.learn_level(ratios.variances, false);
+            }
             return;
         }
+        if speed >= 1.0 || !(quiet || (lenient && said.confirmed)) {
+            self.tests.forget_mean();
+        }
+        // Speed and mean rate are means already: a single objection must not cost another window.
         let window = now.plus(-ratios.span);
         let begin = self.moved_at.map_or(window, |moved| window.max(moved));
-        let since = *self.agreed_since.get_or_insert(begin);
-        // Stamps are whole nanoseconds.
-        if now.since(since) + 1e-6 >= ratios.span + self.entry {
-            self.tests.learn_level(ratios.variances, true);
-            self.standing = Some(Standing { since, thresholds });
-            if self.stretches.is_full() {
-                self.stretches.pop_front();
+        let steady = ratios.mean_rate.max(0.0) < SURELY_STEADY;
+        for (since, from, agrees) in [
+            (&mut self.quiet_since, begin, quiet),
+            (&mut self.lenient_since, begin, lenient),
+            (&mut self.agreed_since, now, steady && speed < 1.0),
+            (&mut self.confirmed_since, now, steady && said.confirmed),
+        ] {
+            match agrees {
+                true => _ = since.get_or_insert(from),
+                false => *since = None,
             }
-            let _ = self.stretches.push_back(Stretch {
-                begin: since,
-                end: None,
-            });
         }
+        // Stamps are whole nanoseconds.
+        let lasted = |since: Option<Time>, least: f64| {
+            since.filter(|since| now.since(*since) + 1e-6 >= least)
+        };
+        let window = ratios.span + self.entry;
+        let plainly = lasted(self.quiet_since, window).filter(|_| {
+            let agreed = lasted(self.agreed_since, self.entry);
+            agreed.is_some()
+        });
+        let leniently = lasted(self.lenient_since, window).filter(|_| {
+            let confirmed = lasted(self.confirmed_since, self.entry);
+            confirmed.is_some()
+        });
+        let Some(mut since) = plainly.or(leniently) else {
+            return;
+        };
+        if let Some(fast) = said.fast_until {
+            // A receiver's noise must not keep a stop from the filter that is believed.
+            since = since.max(fast.min(now.plus(-LOOK_AHEAD)));
+        }
+        self.tests.learn_level(ratios.variances, true);
+        self.standing = Some(Standing { since, thresholds });
+        if self.stretches.is_full() {
+            self.stretches.pop_front();
+        }
+        let _ = self.stretches.push_back(Stretch {
+            begin: since,
+            end: None,
+        });
     }
 
     /// The stop ends, if there is one: for the filter where it is now, so that it never sees the start; behind a short window
     /// as of now, since such stops are over before the filter comes to them.
     fn end(&mut self, now: Time) {
-        self.agreed_since = None;
+        self.quiet_since = None;
+        self.lenient_since = None;
         if self.standing.take().is_none() {
             return;
         }

@@ -131,6 +131,11 @@ impl Window {
         true
     }
 
+    /// The part that was added last.
+    pub(super) fn newest(&self) -> Option<&Moments> {
+        self.parts.back()
+    }
+
     /// The sums, once the window is full.
     pub(super) fn moments(&self) -> Option<Moments> {
         let mut sum = Moments::default();
