@@ -174,6 +174,10 @@ impl Standing {
             filter.propagate(raw);
             return Ok(());
         };
+        // What lies before a known start has no part in the run: nothing is left of it but its time.
+        if raw.dt <= 0.0 {
+            return Ok(());
+        }
         stop.elapsed += raw.dt;
         let before = filter.nominal().nav.q_nb;
         match stop.mode {

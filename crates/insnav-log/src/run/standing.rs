@@ -5,7 +5,7 @@ use super::report::Warning;
 use super::survey::Survey;
 use super::withhold::Withholding;
 use insnav_core::config::{Config, DetectorKind};
-use insnav_core::imu::ImuNoise;
+use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::StopFinder;
 use insnav_core::noise_floor::NoiseFloor;
 use insnav_core::time::Time;
@@ -32,7 +32,8 @@ pub(super) fn known_standing(survey: &Survey, withholding: &Withholding, config:
 }
 
 /// Where the settings leave the noise at rest open: what the quietest tenth of the log shows. A log that never stands has
-/// vibration there, which is no noise of the unit: then that of its class, if it is less.
+/// vibration there, which is no noise of the unit: then that of its class, if it is less. No unit is quieter than the best
+/// class: what seems so is a simulation, or coarse values that stand still.
 pub(super) fn state_noise_at_rest(
     config: &mut Config,
     class: &ImuNoise,
@@ -41,16 +42,14 @@ pub(super) fn state_noise_at_rest(
     standing: f64,
 ) {
     let rests = standing >= QUIET_LEAST.max(QUIET_SHARE * span);
-    let choose = |seen: &Vector3<f64>, class: f64| {
+    let best = ImuGrade::Navigation.noise();
+    let choose = |seen: &Vector3<f64>, class: f64, best: f64| {
         // Root of the mean square: the detectors add up all axes.
-        let seen = seen.norm() / 3.0_f64.sqrt();
-        match seen > 0.0 && (rests || seen < class) {
-            true => seen,
-            false => class,
-        }
+        let seen = (seen.norm() / 3.0_f64.sqrt()).max(best);
+        if rests { seen } else { seen.min(class) }
     };
-    let gyro = choose(&floor.gyro_white, class.gyro_white);
-    let accel = choose(&floor.accel_white, class.accel_white);
+    let gyro = choose(&floor.gyro_white, class.gyro_white, best.gyro_white);
+    let accel = choose(&floor.accel_white, class.accel_white, best.accel_white);
     let stationary = &mut config.stationary;
     stationary
         .gyro_arw_deg_per_sqrt_hour
@@ -96,7 +95,6 @@ pub(super) fn outside(config: &Config, origin: Time, span: (Time, Time)) -> Opti
 mod tests {
     use super::*;
     use insnav_core::config::Intervals;
-    use insnav_core::imu::ImuGrade;
 
     fn floor(gyro: f64, accel: f64) -> NoiseFloor {
         NoiseFloor {
@@ -141,8 +139,11 @@ mod tests {
             "an engine that idles"
         );
         assert!(near(at_rest(&worse, 59.0), times(1.0)), "a road");
-        // A simulation without noise leaves nothing to go by.
-        assert!(near(at_rest(&floor(0.0, 0.0), 100.0), times(1.0)));
+        // Of a simulation without noise: °/√h and m/s/√h of the best class.
+        let best = [0.002, 0.01];
+        for without in [0.0, 1e-17] {
+            assert!(near(at_rest(&floor(without, without), 100.0), best));
+        }
     }
 
     #[test]
