@@ -435,3 +435,100 @@ fn fit_heading(wheels: &[Vec<f64>], turns: &[(f64, f64)], fixes: &[Vec<f64>]) ->
     }
     imaginary.atan2(real).to_degrees()
 }
+
+/// Stops of a run's report as (begin, end), s.
+fn told_stops(report: &Value) -> Vec<(f64, f64)> {
+    let stops = report["stops"].as_array().expect("a list");
+    stops
+        .iter()
+        .map(|s| (number(&s["begin_s"]), number(&s["end_s"])))
+        .collect()
+}
+
+/// Every stop that the receiver's speed shows (below 0.1 m/s for two seconds and more) is declared in time and begins when
+/// it says; nothing that moves is called standing. The filter is half a second behind its detector, and a solution says
+/// "standing" where the filter makes use of it.
+fn stops_are_found(drive: &Recording, expected: usize, least_length_s: f64) {
+    let (report, out) = drive.run(&[]);
+    let comparison = drive.compare(&out, "gnss.csv.gz", &[]);
+    let told = told_stops(&report);
+    let references = comparison["stops"].as_array().expect("a list");
+    assert_eq!(references.len(), expected, "{references:?}");
+    for reference in references {
+        let begin = number(&reference["reference_begin_s"]);
+        at_most("stop declared after s", number(&reference["delay_s"]), 3.5);
+        // One that began before the log has no begin in it.
+        let nearest = told.iter().map(|s| (s.0 - begin.max(0.0)).abs());
+        let off = nearest.fold(f64::INFINITY, f64::min);
+        let length = told
+            .iter()
+            .filter(|s| (s.0 - begin).abs() < 5.0)
+            .map(|s| s.1 - s.0)
+            .fold(0.0, f64::max);
+        println!("stop at {begin:.2} s: begin off by {off:.2} s, first piece {length:.1} s");
+        if length >= least_length_s {
+            at_most(
+                "begin of the stop against the receiver's speed, s",
+                off,
+                1.0,
+            );
+        }
+    }
+    // A fix of the slower receiver: above 0.1 m/s, let alone above 0.3.
+    at_most(
+        "s above 0.1 m/s called standing",
+        number(&comparison["false_standing_s"]),
+        0.25,
+    );
+}
+
+#[test]
+fn rtkexp_stops_are_found() {
+    let lever_arm = ["gnss.lever_arm_b_m=[0.0, -0.05, 0.0]"];
+    if let Some(drive) = Recording::open("rtkexp_drive_0708", 548.0, &lever_arm) {
+        stops_are_found(&drive, 4, 0.0);
+    }
+}
+
+/// The receiver sets its speed to exactly 0 when it is below half a metre per second: it says too early that the car stands.
+/// The bar on the begin is that of the long stops; engines are switched off and people move in them.
+#[test]
+fn hipnuc_stops_are_found() {
+    if let Some(drive) = Recording::open("hipnuc_20220504", 773.0, &[]) {
+        stops_are_found(&drive, 9, 30.0);
+        let (report, _) = drive.run(&[]);
+        let told = told_stops(&report);
+        for begin in [103.0, 201.5] {
+            let off = told.iter().map(|s| (s.0 - begin).abs());
+            let off = off.fold(f64::INFINITY, f64::min);
+            at_most("hipnuc, begin of a long stop, s", off, 1.0);
+        }
+    }
+}
+
+/// Without a GNSS velocity the filter's own speed decides. No second above 0.3 m/s by the car's speedometer or the robot's
+/// wheels, which the run does not see, is called standing.
+#[test]
+fn nothing_that_moves_is_called_standing() {
+    for (name, length_s, reference) in [
+        ("kth_skog_car", 299.0, "speedometer.csv"),
+        ("husky_rl_test1", 395.0, "wheel_odom.csv"),
+    ] {
+        let Some(drive) = Recording::open(name, length_s, &[]) else {
+            return;
+        };
+        let (report, _) = drive.run(&[]);
+        let speeds = table(&drive.folder.join(reference));
+        let told = told_stops(&report);
+        println!("{name}: {told:.1?}");
+        for (begin, end) in told {
+            for second in begin as i32..=end as i32 {
+                let from = f64::from(second).max(begin);
+                let within = |row: &&Vec<f64>| row[0] >= from && row[0] < (from + 1.0).min(end);
+                let seen: Vec<f64> = speeds.iter().filter(within).map(|r| r[1].abs()).collect();
+                let mean = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
+                at_most("speed of a second that is called standing, m/s", mean, 0.3);
+            }
+        }
+    }
+}
