@@ -46,8 +46,10 @@ impl Figure {
             escaped(&self.title),
             escaped(self.about),
         );
+        let mut drawn = 0;
         for (i, panel) in self.panels.iter().enumerate() {
-            panel.draw(&mut out, PANEL_WIDTH * i as f64);
+            panel.draw(&mut out, PANEL_WIDTH * i as f64, drawn);
+            drawn += panel.series.len();
         }
         out.push_str("</svg>\n");
         out
@@ -83,7 +85,9 @@ impl Panel {
         ([0.0, end], [-1.05 * reach, 1.05 * reach])
     }
 
-    fn draw(&self, out: &mut String, offset: f64) {
+    /// `drawn`: so many series are in the panels before, and have had their colours.
+    fn draw(&self, out: &mut String, offset: f64, drawn: usize) {
+        let colours = || COLOURS.iter().cycle().skip(drawn);
         let (x, y) = self.range();
         let axes = Axes {
             left: offset + LEFT,
@@ -91,10 +95,10 @@ impl Panel {
             y,
         };
         self.frame(out, &axes);
-        for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
+        for (series, colour) in self.series.iter().zip(colours()) {
             series.draw(out, &axes, colour);
         }
-        for (i, (series, colour)) in self.series.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        for (i, (series, colour)) in self.series.iter().zip(colours()).enumerate() {
             let (x, y) = (axes.left + 10.0, TOP + 16.0 + 16.0 * i as f64);
             let _ = writeln!(
                 out,

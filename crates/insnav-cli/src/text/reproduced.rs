@@ -3,9 +3,6 @@
 use super::short;
 use crate::reproduce::{Reproduced, Row};
 
-/// Width of a column.
-const WIDTH: usize = 17;
-
 /// The report of `reproduce`.
 pub(crate) fn reproduced(r: &Reproduced) -> String {
     let mut text = format!(
@@ -40,51 +37,76 @@ fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     list
 }
 
-/// Variants down, quantities across.
+/// Two tables, errors and honesty: variants down, quantities across.
 fn table<'a>(case: &str, rows: &[&'a Row], notes: &mut Vec<&'a str>) -> String {
     let quantities = distinct(rows.iter().map(|row| row.quantity));
-    let variants = distinct(rows.iter().map(|row| row.variant));
-    let name = variants.iter().map(|v| v.len()).max().unwrap_or(0) + 2;
-    let mut text = format!("\n{case:<name$}");
-    for quantity in &quantities {
-        text.push_str(&format!("{:>WIDTH$}", heading(quantity)));
-    }
-    text.push('\n');
-    for variant in variants {
-        let of = |quantity: &&str| {
-            let found = rows
-                .iter()
-                .find(|r| r.variant == variant && r.quantity == *quantity);
-            found.copied()
-        };
-        let found: Vec<Option<&Row>> = quantities.iter().map(of).collect();
-        text.push_str(&format!("{variant:<name$}"));
-        for row in found.iter().flatten() {
-            let mark = row.note.map(|note| number(note, notes));
-            text.push_str(&format!("{:>WIDTH$}", ours(row, mark)));
-        }
-        text.push('\n');
-        if found.iter().flatten().any(|row| row.published.is_some()) {
-            let published = |row: &Row| row.published.map_or(String::new(), |p| format!("[{p}]"));
-            text.push_str(&line("", name, &found, published));
-        }
-    }
-    let first: Vec<Option<&Row>> = quantities
+    let (honesty, errors): (Vec<&str>, Vec<&str>) = quantities
         .iter()
-        .map(|q| rows.iter().find(|r| r.quantity == *q).copied())
-        .collect();
-    let limit = |row: &Row| row.limit.map_or(String::new(), short);
-    text.push_str(&line("limit", name, &first, limit));
+        .partition(|q| q.contains("nees") || q.contains("sigma"));
+    let mut text = lines(cells(case, "errors", rows, &errors, notes));
+    text.push_str(&lines(cells(case, "honesty", rows, &honesty, notes)));
     text
 }
 
-fn line(label: &str, name: usize, rows: &[Option<&Row>], of: impl Fn(&Row) -> String) -> String {
-    let mut text = format!("{label:<name$}");
-    for row in rows {
-        text.push_str(&format!("{:>WIDTH$}", row.map_or(String::new(), &of)));
+fn cells<'a>(
+    case: &str,
+    what: &str,
+    rows: &[&'a Row],
+    quantities: &[&str],
+    notes: &mut Vec<&'a str>,
+) -> Vec<Vec<String>> {
+    let line = |label: &str, of: &mut dyn FnMut(&str) -> Option<String>| {
+        let cells = quantities.iter().map(|q| of(q).unwrap_or_default());
+        core::iter::once(label.to_owned())
+            .chain(cells)
+            .collect::<Vec<String>>()
+    };
+    let title = format!("{case}, {what}");
+    let mut table = vec![line(&title, &mut |q| Some(heading(q).to_owned()))];
+    for variant in distinct(rows.iter().map(|row| row.variant)) {
+        let find = |quantity: &str| {
+            let mut all = rows.iter().copied();
+            all.find(|r| r.variant == variant && r.quantity == quantity)
+        };
+        table.push(line(variant, &mut |q| {
+            let row = find(q)?;
+            let mark = row.note.map(|note| number(note, notes));
+            Some(ours(row, mark))
+        }));
+        let published = |q: &str| Some(format!("[{}]", find(q)?.published?));
+        if quantities.iter().any(|q| published(q).is_some()) {
+            table.push(line("", &mut |q| published(q)));
+        }
     }
-    text.truncate(text.trim_end().len());
-    text.push('\n');
+    let limit = |q: &str| {
+        let first = rows.iter().find(|row| row.quantity == q)?;
+        first.limit.map(short)
+    };
+    if quantities.iter().any(|q| limit(q).is_some()) {
+        table.push(line("limit", &mut |q| limit(q)));
+    }
+    table
+}
+
+/// Columns as wide as what is in them, the first to the left.
+fn lines(table: Vec<Vec<String>>) -> String {
+    let width = |column: usize| {
+        let cells = table.iter().filter_map(|line| line.get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..table.first().map_or(0, Vec::len)).map(width).collect();
+    let mut text = String::from("\n");
+    for line in &table {
+        for (i, (cell, width)) in line.iter().zip(&widths).enumerate() {
+            if i == 0 {
+                text.push_str(&format!("{cell:<width$}"));
+            } else {
+                text.push_str(&format!("  {cell:>width$}"));
+            }
+        }
+        text.truncate(text.trim_end().len());
+        text.push('\n');
+    }
     text
 }
 

@@ -1,6 +1,6 @@
 //! Published experiments, made again.
 
-use crate::fixture::{Folder, insnav, insnav_json};
+use crate::fixture::{Folder, insnav, insnav_json, recordings};
 use std::collections::BTreeSet;
 
 const VARIANTS: [&str; 10] = [
@@ -118,4 +118,34 @@ fn what_cannot_be_done_is_said() {
     ]);
     let (message, _) = short.failed(1, "not_at_rest");
     assert!(message.contains("imu.csv"), "{message}");
+}
+
+/// A real unit at rest: what it is told to be follows from its record, and a held heading stays where it began.
+#[test]
+fn a_real_unit_at_rest_takes_the_place_of_the_simulated_one() {
+    let Some(table) = recordings("vn100_static_12min/imu.csv.gz") else {
+        return;
+    };
+    let folder = table.parent().expect("a folder").display().to_string();
+    let done = insnav_json(["reproduce", "kozadaev2017", "--runs", "2", "--imu", &folder]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    let value = |variant: &str, quantity: &str, key: &str| {
+        let rows = json["rows"].as_array().unwrap();
+        let row = rows
+            .iter()
+            .find(|r| r["variant"] == variant && r["quantity"] == quantity)
+            .unwrap_or_else(|| panic!("{variant} {quantity}"));
+        assert_eq!(row["case"], "real_imu");
+        row[key].as_f64()
+    };
+    let basic = value("basic", "heading_end_rms_deg", "published");
+    assert_eq!(basic, Some(8.31), "the column of real subsystems");
+    for variant in ["paper_exact", "static"] {
+        let growth = value(variant, "heading_growth_rms_deg", "ours").unwrap();
+        // Five minutes of a unit of 0.011 °/√s let a free heading walk by 0.19°.
+        assert!(growth < 0.02, "{variant}: {growth}");
+    }
+    let assumptions = json["assumptions"].to_string();
+    assert!(assumptions.contains("noise floor"), "{assumptions}");
 }
