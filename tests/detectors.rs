@@ -84,7 +84,7 @@ impl Unit {
         let drawn = self.source.normal3();
         let start = if self.index == 1 { 1.0 } else { drive };
         self.road = self.road * decay + drawn.component_mul(&along) * start;
-        let force = Vector3::new(s.accel, 0.0, -STANDARD_GRAVITY) - Vector3::repeat(s.accel_bias)
+        let force = Vector3::new(s.accel, 0.0, -STANDARD_GRAVITY) - Vector3::z() * s.accel_bias
             + self.source.normal3() * (ACCEL_WHITE * root)
             + Vector3::from_fn(|k, _| s.idle.0 * sine(k))
             + self.road;
@@ -110,7 +110,8 @@ fn turn(deg_per_s: f64) -> Shaking {
     }
 }
 
-/// What the table's unit leaves of its biases: 0.08 m/s² and, per axis, 0.0412 °/s.
+/// What the table's unit leaves of its biases: 0.08 m/s² along gravity (across it adds its square over 2 g, which no threshold
+/// knows of) and, per axis, 0.0412 °/s.
 const ACCEL_BIAS: f64 = 0.08;
 const GYRO_BIAS: f64 = 0.0412 / 180.0 * core::f64::consts::PI;
 
