@@ -131,6 +131,10 @@ impl Navigator {
         config.validate()?;
         let gnss = &config.gnss;
         let stationary = config.stationary.for_vehicle(config.vehicle.kind);
+        let mut detector = StopDetector::new(&stationary, &noise);
+        if !gnss.used {
+            detector.never_by_gnss();
+        }
         // The clocks' differences push aiding back against the IMU: the horizon must be longer by as much.
         let delay = DELAY + gnss.time_offset_s.max(0.0) + gnss.velocity_lag_s.max(0.0);
         Ok(Navigator {
@@ -153,7 +157,7 @@ impl Navigator {
                 .then(|| NonholonomicAid::new(&config.vehicle)),
             optional: OptionalStates::of(config),
             speed: GnssSpeed::default(),
-            detector: StopDetector::new(&stationary, &noise),
+            detector,
             scouted: None,
             standing: Standing::new(&stationary, &noise),
         })

@@ -55,11 +55,18 @@ impl Said {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SpeedWitness {
     velocities: Deque<(Time, Vector3<f64>), KEPT>,
+    /// No receiver will ever speak: what the filter cannot exclude is no reason to doubt, since it drifts from stop to stop.
+    alone: bool,
     wheels: Option<(Time, f64)>,
     fast_until: Option<Time>,
 }
 
 impl SpeedWitness {
+    /// There is no receiver in this run.
+    pub(super) fn never_by_gnss(&mut self) {
+        self.alone = true;
+    }
+
     /// `limit`: the speed (m/s) above which nobody stands.
     pub(super) fn observe_gnss(&mut self, fix: &GnssVelocity, limit: f64) {
         let mut velocity_n = fix.velocity_n;
@@ -117,6 +124,7 @@ impl SpeedWitness {
         let own = match (alive, wheels) {
             // A receiver that measures is believed before the filter.
             (true, _) => 0.0,
+            (false, None) if self.alone => contradiction,
             // Wheels stand on a ferry and on ice.
             (false, Some(_)) => contradiction,
             (false, None) => contradiction.max(upper_bound(belief) / (EXCLUDES * limit)),

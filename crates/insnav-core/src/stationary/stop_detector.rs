@@ -140,6 +140,13 @@ impl StopDetector {
         }
     }
 
+    /// There is no receiver in this run: a stop is believed unless the filter's velocity contradicts it, however large its sigma.
+    ///
+    /// What moves as evenly as it stands (a train, a ferry) is then taken to stand, once the filter has drifted far enough.
+    pub fn never_by_gnss(&mut self) {
+        self.speed.never_by_gnss();
+    }
+
     /// Zero of the seconds of intervals; else the first inertial stamp.
     pub fn set_origin(&mut self, origin: Time) {
         self.declared.set_origin(origin);

@@ -20,6 +20,8 @@ use std::time::Instant;
 
 /// Above this standard deviation of the heading at the end (degrees) the user is told that it is not known.
 const VAGUE_HEADING_DEG: f64 = 20.0;
+/// Gyros whose biases are of this size hide the Earth's rate, °/h.
+const HIDES_THE_EARTH_DEG_PER_HOUR: f64 = 100.0;
 /// Gaps beyond this end a run inside the navigator, which begins another.
 const LONGEST_BRIDGED_S: f64 = 5.0;
 
@@ -120,6 +122,7 @@ impl Plan {
         let mut warnings = self.warnings.clone();
         warnings.extend(tally.totals.unusable.warning());
         warnings.extend(findings(&tally, self.imu_only.is_some()));
+        warnings.extend(heading_matters(&tally, self.noise().gyro_bias_sigma));
         warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));
         let mut last = tally.last();
         if let (Some(last), Some(way), Some(_)) = (&mut last, tally.from_start(), &self.imu_only) {
@@ -205,6 +208,23 @@ pub(super) fn is_withheld(withholding: &Withholding, sample: &Sample, velocity_l
         Sample::GnssVelocity(_) => withholding.takes_velocity(time, velocity_lag),
         _ => false,
     }
+}
+
+/// Without a heading nobody knows about which axis the Earth turns; gyros that drift by less would show it.
+fn heading_matters<S: SolutionSink>(tally: &Tally<'_, S>, gyro_bias: f64) -> Option<Warning> {
+    let relative = |source| source == HeadingSource::Relative;
+    tally
+        .totals
+        .alignment
+        .filter(|a| relative(a.heading_source))?;
+    let per_hour = gyro_bias.to_degrees() * 3600.0;
+    (per_hour < HIDES_THE_EARTH_DEG_PER_HOUR).then(|| Warning {
+        code: "heading_unknown",
+        message: format!(
+            "the gyros drift by {per_hour:.0} °/h, and without a heading the Earth's 15 °/h are about an unknown axis: sigmas are too small"
+        ),
+        remedy: "give the heading at the start with `--heading-deg`".into(),
+    })
 }
 
 /// What the run itself brought to light.
