@@ -178,7 +178,7 @@ fn every_mode_holds_what_it_says() {
         };
         assert_eq!(
             (stop.begin, stop.ended_by),
-            (BEGIN.plus(10.0), StopEnd::Motion)
+            (BEGIN.plus(10.0), StopEnd::Withdrawn)
         );
         // From sample to sample, both ends included.
         let length = stop.end.since(stop.held_from);

@@ -9,7 +9,7 @@ use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::{Event, Motion, Sink};
-use crate::stationary::{Evidence, StopEnd, StopRecord};
+use crate::stationary::{Evidence, StopEnd, StopRecord, Witness};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
@@ -93,7 +93,13 @@ impl Standing {
     ) -> Result<()> {
         let now = filter.nominal().nav.time;
         match (detected, &self.stop) {
-            (Motion::Moving, Some(_)) => self.end(StopEnd::Motion, filter, sink),
+            (Motion::Moving, Some(stop)) => {
+                let ended_by = match stop.record.evidence.witness {
+                    Witness::Declared | Witness::Interval => StopEnd::Withdrawn,
+                    Witness::Detector | Witness::Nobody => StopEnd::Motion,
+                };
+                self.end(ended_by, filter, sink)
+            }
             // Seen ahead: what begins later than here is not entered yet.
             (Motion::Stationary { since }, None)
                 if since <= now && self.distrusted_until.is_none_or(|until| now >= until) =>
