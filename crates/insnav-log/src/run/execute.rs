@@ -125,7 +125,7 @@ impl Plan {
         warnings.extend(heading_matters(&tally, self.noise().gyro_bias_sigma));
         warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));
         let mut last = tally.last();
-        if let (Some(last), Some(way), Some(_)) = (&mut last, tally.from_start(), &self.imu_only) {
+        if let (Some(last), Some(way), Some(_)) = (&mut last, tally.since_start(), &self.imu_only) {
             last.closure_horizontal_m = Some(way.xy().norm());
             last.closure_height_m = Some(-way.z);
         }

@@ -134,7 +134,7 @@ impl<'a, S: Sink> Tally<'a, S> {
     }
 
     /// North, east, down from the first epoch to the last, m.
-    pub(super) fn from_start(&self) -> Option<Vector3<f64>> {
+    pub(super) fn since_start(&self) -> Option<Vector3<f64>> {
         let last = self.totals.last.as_ref()?;
         Some(self.totals.begin?.offset_to(&last.nav.position))
     }
