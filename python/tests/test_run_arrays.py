@@ -286,7 +286,7 @@ def test_stops_are_set_and_told(truth: Drive) -> None:
     s = insnav.run(noisy(truth, 14), known)
     (stop,) = s.summary["stops"]
     assert stop["begin_s"] == pytest.approx(5, abs=0.02) and stop["end_s"] == pytest.approx(15, abs=0.1)
-    assert stop["evidence"]["witness"] == "interval" and stop["evidence"]["speed"] is None
+    assert stop["evidence"]["witness"] == "interval" and stop["evidence"]["speed_ratio"] is None
     assert "intervals_s = [[5.0, 15.0]]" in s.summary["config"]
     inside = (s.time_s > 5.1) & (s.time_s < 14.9)
     assert np.all(s.standing[inside]) and not np.any(s.standing[s.time_s > 16])

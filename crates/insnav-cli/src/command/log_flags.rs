@@ -28,8 +28,8 @@ pub(super) enum Clock {
 pub(super) struct LogFlags {
     /// Topic of a role: imu, gnss, gnss-velocity, tf, heading, standing, or none for none (repeatable; a role is found by itself
     /// when only one topic can serve, but for two that have to be named: heading, that of the body's forward axis, and standing,
-    /// what declares that the vehicle stands: std_msgs Bool, or the speed of its wheels in m/s as Float32, Float64, Odometry or
-    /// TwistStamped; those without a header count at the log time)
+    /// std_msgs Bool, which declares that the vehicle stands, or the speed of its wheels in m/s as Float32, Float64, Odometry
+    /// or TwistStamped, which declares nothing and is evidence for the detector only; those without a header count at the log time)
     #[arg(long, value_name = "ROLE=/TOPIC", value_parser = topic)]
     topic: Vec<(Role, String)>,
 

@@ -6,7 +6,7 @@ use crate::reproduce::{Experiment, Request};
 use crate::text;
 use clap::{Args, Subcommand};
 use insnav_core::sample::Sample;
-use insnav_core::sim::StaticRecord;
+use insnav_core::sim::{StaticRecord, StopSetting};
 use insnav_core::time::Time;
 use insnav_log::{
     Log, ReadOptions, check_output, convert::CsvInputs, csv::read_imu, is_standard_stream,
@@ -44,11 +44,11 @@ struct Kozadaev2017 {
     seed: u64,
 
     /// A real unit that stood still, in place of the simulated one: a log, a folder with imu.csv, or an imu.csv[.gz]; at least
-    /// 300 s. The receiver stays simulated
+    /// 300 s. The receiver stays simulated. Not together with --multi-stop, as such a unit does not drive
     #[arg(long, value_name = "LOG", conflicts_with = "multi_stop")]
     imu: Option<PathBuf>,
 
-    /// Four stops with three drives of a minute between them
+    /// Four stops with three drives of a minute between them, simulated throughout: not together with --imu
     #[arg(long)]
     multi_stop: bool,
 
@@ -76,7 +76,7 @@ impl Reproduce {
 impl Kozadaev2017 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         if let Some(plot) = &self.plot {
-            check_output(plot, self.force)?;
+            check_output(plot, self.force).map_err(|e| of_plot(e.into()))?;
             if is_standard_stream(plot) {
                 output.leave_stdout_to_a_file();
             }
@@ -91,12 +91,20 @@ impl Kozadaev2017 {
             record,
         })?;
         if let Some(plot) = &self.plot {
-            write_output(plot, experiment.figure().as_bytes(), self.force)?;
+            write_output(plot, experiment.figure().as_bytes(), self.force)
+                .map_err(|e| of_plot(e.into()))?;
         }
         let report = experiment.report();
         output.result(&report, || text::reproduced(&report));
         Ok(0)
     }
+}
+
+/// The same failure about the file of `--plot`: its remedies name that flag.
+fn of_plot(mut failure: Failure) -> Failure {
+    let remedy = &mut failure.problem.remedy;
+    *remedy = remedy.replace("`-o`", "`--plot`");
+    failure
 }
 
 /// The inertial samples of a log or a table, as those of a unit at rest.
@@ -117,11 +125,38 @@ fn record(path: &Path) -> Result<StaticRecord, Failure> {
             log.samples()?.collect::<Result<_, _>>()?
         }
     };
-    StaticRecord::new(samples).map_err(|error| {
+    let least = StopSetting::paper().stop_s;
+    let refuse = |code, what: String| {
         Failure::new(
-            "not_at_rest",
-            format!("{}: {error}", path.display()),
-            "give a record of a unit that stood still for at least 300 s",
+            code,
+            format!("{}: {what}", path.display()),
+            format!("give `--imu` a record of a unit that stood still for at least {least:.0} s"),
         )
-    })
+    };
+    if !samples.iter().any(Sample::is_inertial) {
+        return Err(refuse(
+            "no_imu_samples",
+            "no inertial samples are in it".into(),
+        ));
+    }
+    let mut inertial = samples.iter().filter(|s| s.is_inertial()).map(Sample::time);
+    let (first, last) = (inertial.next(), inertial.last());
+    let long = first.zip(last).map_or(0.0, |(a, b)| b.since(a));
+    if long < least {
+        return Err(refuse(
+            "record_too_short",
+            format!("the record lasts {long:.1} s, and the stop {least:.0} s"),
+        ));
+    }
+    if let Some(turn) = StaticRecord::turning(&samples) {
+        return Err(refuse(
+            "not_at_rest",
+            format!(
+                "the mean rate changed by {:.2} °/s at {:.0} s of the record: the unit did not stand still",
+                turn.rate_change.to_degrees(),
+                turn.after_s
+            ),
+        ));
+    }
+    StaticRecord::new(samples).map_err(|error| refuse("not_at_rest", error.to_string()))
 }

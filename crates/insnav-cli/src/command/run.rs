@@ -67,8 +67,8 @@ pub(crate) struct Run {
     #[arg(long, value_name = "MODE", value_parser = stationary_mode)]
     stationary: Option<StationaryMode>,
 
-    /// An interval in which the vehicle is known to stand, seconds from the log's begin, such as 40:200 (repeatable, or a list
-    /// with commas); other stops are found all the same
+    /// An interval in which the vehicle is known to stand, seconds from the log's zero (t0 of `insnav info`), such as 40:200
+    /// (repeatable, or a list with commas); other stops are found all the same
     #[arg(long, value_name = "BEGIN:END", value_parser = interval, value_delimiter = ',', allow_hyphen_values = true)]
     stop: Vec<Interval>,
 

@@ -146,12 +146,12 @@ fn heading(quantity: &str) -> &str {
         "roll_pitch_rms_deg" => "roll/pitch °",
         "heading_end_rms_deg" => "heading °",
         "heading_end_sigma_deg" => "its sigma °",
-        "heading_end_nees" => "its NEES (1)",
+        "heading_end_nees" => "NEES, 1 expected",
         "heading_growth_rms_deg" => "growth °",
-        "attitude_nees" => "att NEES (3)",
-        "position_nees" => "pos NEES (3)",
+        "attitude_nees" => "att NEES, 3 expected",
+        "position_nees" => "pos NEES, 3 expected",
         "gyro_bias_z_rms_deg_per_s" => "bias z °/s",
-        "gyro_bias_nees" => "bias NEES (3)",
+        "gyro_bias_nees" => "bias NEES, 3 expected",
         other => other,
     }
 }

@@ -110,8 +110,8 @@ const MOST_STOPS: usize = 20;
 /// A line a stop.
 fn stops(stops: &[StopReport]) -> String {
     let mut text = format!(
-        "{:>9} {:>7} {:>9} {:>8} {:>7} {:>9} {:>16}  ended by",
-        "begin s", "for s", "heading °", "change °", "± °", "held °", "bias z °/h"
+        "{:>9} {:>7} {:>9} {:>8} {:>7} {:>13} {:>16}  ended by",
+        "begin s", "for s", "heading °", "change °", "± °", "growth held °", "bias z °/h"
     );
     for s in stops.iter().take(MOST_STOPS) {
         let bias = format!(
@@ -120,13 +120,13 @@ fn stops(stops: &[StopReport]) -> String {
             short(s.sigma_gyro_bias_deg_per_hour[2])
         );
         text.push_str(&format!(
-            "\n{:>9.1} {:>7.1} {:>9.2} {:>8.3} {:>7} {:>9.4} {bias:>16}  {}",
+            "\n{:>9.1} {:>7.1} {:>9.2} {:>8} {:>7} {:>13} {bias:>16}  {}",
             s.begin_s,
             s.end_s - s.begin_s,
             s.heading_before_deg,
-            s.heading_change_deg(),
+            unsigned_zero(s.heading_change_deg(), 3),
             short(s.sigma_heading_deg),
-            s.heading_growth_deg,
+            unsigned_zero(s.heading_growth_deg, 4),
             match s.ended_by {
                 StopEnd::Motion => "motion",
                 StopEnd::Withdrawn => "who declared it",
@@ -141,6 +141,15 @@ fn stops(stops: &[StopReport]) -> String {
         text.push_str(&format!("\nand {more} more, in `--format json`"));
     }
     text
+}
+
+/// With so many decimals, and no sign before a zero.
+fn unsigned_zero(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| matches!(c, '0' | '.')) => zero.to_owned(),
+        _ => text,
+    }
 }
 
 /// What a run without GNSS counts from.
@@ -243,6 +252,8 @@ fn imu(r: &RunReport) -> String {
     } else {
         "assumed, since the log is too short to tell"
     };
+    // All that follows is TOML, to be copied as it stands.
+    let arm = arm.replace('\n', "\n# ");
     format!(
         "{grade} grade, {source}; to state it:\n[imu]\ngrade = \"{grade}\"\n[noise]\n\
          gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n\
@@ -315,4 +326,15 @@ fn with_sigmas(values: &[f64; 3], sigmas: &[f64; 3]) -> String {
         .map(|(v, s)| format!("{} ± {}", short(*v), short(*s)))
         .collect();
     format!("({})", parts.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_zero_has_no_sign() {
+        let got = [-0.00001, 0.0, -0.25].map(|x| unsigned_zero(x, 4));
+        assert_eq!(got, ["0.0000", "0.0000", "-0.2500"]);
+    }
 }

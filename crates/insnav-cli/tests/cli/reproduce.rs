@@ -116,8 +116,39 @@ fn what_cannot_be_done_is_said() {
         "--imu",
         &folder.text("imu.csv"),
     ]);
-    let (message, _) = short.failed(1, "not_at_rest");
-    assert!(message.contains("imu.csv"), "{message}");
+    let (message, _) = short.failed(1, "record_too_short");
+    assert!(
+        message.contains("imu.csv") && message.contains("300 s"),
+        "{message}"
+    );
+}
+
+/// A car on a road shows one tilt over a drive, and is no unit at rest.
+#[test]
+fn a_drive_is_no_unit_at_rest() {
+    let folder = Folder::new();
+    let mut table = String::from("t_s,gx,gy,gz,ax,ay,az\n");
+    for i in 0..8000 {
+        let t = f64::from(i) * 0.05;
+        let turn = if (200.0..230.0).contains(&t) {
+            0.05
+        } else {
+            0.0
+        };
+        table.push_str(&format!("{t},0,0,{turn},0,0,-9.8\n"));
+    }
+    std::fs::write(folder.path("imu.csv"), table).unwrap();
+    let drive = insnav_json([
+        "reproduce",
+        "kozadaev2017",
+        "--imu",
+        &folder.text("imu.csv"),
+    ]);
+    let (message, _) = drive.failed(1, "not_at_rest");
+    assert!(
+        message.contains("imu.csv") && message.contains("at 200 s"),
+        "{message}"
+    );
 }
 
 /// A real unit at rest: what it is told to be follows from its record, and a held heading stays where it began.

@@ -31,6 +31,6 @@ pub use scenario::Scenario;
 pub use simulation::{Simulation, Truth};
 pub use stop_trial::{
     HeadingPoint, MeanSquares, StaticRecord, StopEndErrors, StopErrors, StopFlags, StopSetting,
-    StopTrial, StopVariant,
+    StopTrial, StopVariant, Turning,
 };
 pub use trajectory::{Kinematics, Trajectory};

@@ -23,12 +23,16 @@ pub struct Evidence {
     /// Who says so.
     pub witness: Witness,
     /// Of the specific force.
+    #[serde(rename = "specific_force_ratio")]
     pub specific_force: f64,
     /// Of the angular rate's variation.
+    #[serde(rename = "angular_rate_ratio")]
     pub angular_rate: f64,
     /// Of the mean angular rate against the gyro bias.
+    #[serde(rename = "mean_rate_ratio")]
     pub mean_rate: f64,
     /// Of the speed that GNSS or wheels tell, or of the filter's own where nobody does.
+    #[serde(rename = "speed_ratio")]
     pub speed: f64,
 }
 

@@ -42,7 +42,7 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
                 "no_gnss_velocity",
                 Severity::Note,
                 "there is no GNSS velocity",
-                "heading is weaker, and stops are not seen",
+                "heading is weaker, and stops are found from the inertial data and the filter's own velocity alone: fewer are",
             )
             .remedy("record the receiver's velocity as TwistWithCovarianceStamped"),
         );

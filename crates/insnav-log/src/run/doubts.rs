@@ -133,8 +133,8 @@ pub(super) fn doubts(
         warn(
             "position_reset",
             format!(
-                "the filter had drifted from the positions, or they from it, and went over to them {} times (at {}{more} s; the first time by {size:.1} m)",
-                resets.len(),
+                "the filter had drifted from the positions, or they from it, and went over to them {} (at {}{more} s; the first time by {size:.1} m)",
+                super::execute::times(resets.len()),
                 times.join(", ")
             ),
             "look at the track there; check clocks and lever arm with `insnav info`, and the grade of the unit (`--set imu.grade=…`)".into(),

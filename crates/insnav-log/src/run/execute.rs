@@ -242,8 +242,12 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
         warn(
             "imu_gaps",
             format!(
-                "{} gaps in the inertial data, the longest {:.2} s, were bridged with widened uncertainty{}",
-                e.imu_gaps,
+                "{} in the inertial data, the longest {:.2} s, bridged with widened uncertainty{}",
+                if e.imu_gaps == 1 {
+                    "1 gap".into()
+                } else {
+                    format!("{} gaps", e.imu_gaps)
+                },
                 e.longest_gap_s,
                 if without_gnss {
                     ""
@@ -287,8 +291,9 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
         warn(
             "stop_topic_flaps",
             format!(
-                "standing was declared and taken back at once {} times, the first time at {:.1} s: not used",
-                e.flaps, e.first_flap_s
+                "standing was declared and taken back at once, {}, the first time at {:.1} s: not used",
+                times(e.flaps),
+                e.first_flap_s
             ),
             "look at the topic that declares it, or leave it out with `--topic standing=none`",
         );
@@ -297,10 +302,11 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
         warn(
             "stop_contradicted",
             format!(
-                "standing was declared {} times while the vehicle moves by the solution itself, the first time at {:.1} s: not used",
-                e.contradicted, e.first_contradicted_s
+                "standing was declared {} while the vehicle moves by the solution itself, the first time at {:.1} s: not used",
+                times(e.contradicted),
+                e.first_contradicted_s
             ),
-            "check `--stop` and stationary.intervals_s, which count from the log's begin, and the topic that declares standing",
+            "check `--stop` and stationary.intervals_s, which count from the log's zero (t0), and the topic that declares standing",
         );
     }
     let step = |s: &StopReport| s.gyro_step_deg_per_s.into_iter().fold(0.0, f64::max);
@@ -341,4 +347,12 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
         );
     }
     found
+}
+
+/// How often.
+pub(super) fn times(n: usize) -> String {
+    match n {
+        1 => "once".into(),
+        n => format!("{n} times"),
+    }
 }

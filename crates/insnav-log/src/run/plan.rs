@@ -7,7 +7,7 @@ use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
 use super::report::{ImuOnlyReport, Warning};
 use super::saved::SavedRun;
 use super::source::Source;
-use super::standing::{check_window, known_standing, outside, state_noise_at_rest};
+use super::standing::{check_mode, check_window, known_standing, outside, state_noise_at_rest};
 use super::survey::Survey;
 use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
@@ -110,6 +110,7 @@ impl Plan {
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
         warnings.extend(late_fixes(&survey));
+        warnings.extend(check_mode(&config));
 
         let grade_picked = config.imu.grade.is_none();
         // A log of a few seconds tells nothing: the worst class is then the honest one.

@@ -404,6 +404,6 @@ mod tests {
         let json = serde_json::to_value(told).unwrap();
         assert_eq!(json["ended_by"], "motion");
         assert_eq!(json["evidence"]["witness"], "nobody");
-        assert!(json["evidence"]["mean_rate"].is_null(), "{json}");
+        assert!(json["evidence"]["mean_rate_ratio"].is_null(), "{json}");
     }
 }

@@ -4,7 +4,7 @@ use super::RunError;
 use super::report::Warning;
 use super::survey::Survey;
 use super::withhold::Withholding;
-use insnav_core::config::{Config, DetectorKind};
+use insnav_core::config::{Config, DetectorKind, StationaryMode, VehicleKind};
 use insnav_core::imu::{ImuGrade, ImuNoise};
 use insnav_core::metrics::StopFinder;
 use insnav_core::noise_floor::NoiseFloor;
@@ -70,24 +70,54 @@ pub(super) fn check_window(config: &Config, span: f64) -> Result<(), RunError> {
     }
 }
 
+/// A mode that takes the heading of a stop for constant, on a foot: a foot turns within a stance.
+pub(super) fn check_mode(config: &Config) -> Option<Warning> {
+    let name = match config.stationary.mode {
+        StationaryMode::Static => "static",
+        StationaryMode::Zihr => "zihr",
+        StationaryMode::HeadingHold => "heading_hold",
+        StationaryMode::AttitudeHold => "attitude_hold",
+        _ => return None,
+    };
+    (config.vehicle.kind == VehicleKind::Foot).then(|| Warning {
+        code: "mode_on_foot",
+        message: format!("stationary.mode {name} on a foot: a foot turns within a stance, and its heading is not held there"),
+        remedy: "leave the mode out, or set zupt (`--stationary zupt`)".into(),
+    })
+}
+
 /// Declared intervals that the inertial data do not cover: `span` is theirs, on the solution's clock.
 pub(super) fn outside(config: &Config, origin: Time, span: (Time, Time)) -> Option<Warning> {
     let (begin, end) = (span.0.since(origin), span.1.since(origin));
-    let beyond: Vec<String> = config
-        .stationary
-        .intervals_s
-        .as_slice()
-        .iter()
-        .filter(|[a, b]| *a < begin - OUTSIDE || *b > end + OUTSIDE)
-        .map(|[a, b]| format!("{a}:{b}"))
-        .collect();
-    (!beyond.is_empty()).then(|| Warning {
+    let listed = |of: &dyn Fn(f64, f64) -> bool| {
+        let all = config.stationary.intervals_s.as_slice().iter();
+        let those = all.filter(|[a, b]| of(*a, *b));
+        those
+            .map(|[a, b]| format!("{a}:{b}"))
+            .collect::<Vec<String>>()
+            .join(", ")
+    };
+    let apart = |a: f64, b: f64| b <= begin || a >= end;
+    let wholly = listed(&apart);
+    let partly = listed(&|a, b| !apart(a, b) && (a < begin - OUTSIDE || b > end + OUTSIDE));
+    let mut told = Vec::new();
+    if !wholly.is_empty() {
+        told.push(format!(
+            "{wholly} s lies outside the inertial data, and is not used"
+        ));
+    }
+    if !partly.is_empty() {
+        told.push(format!(
+            "{partly} s lies partly outside the inertial data, and the part inside is used"
+        ));
+    }
+    (!told.is_empty()).then(|| Warning {
         code: "stop_outside",
         message: format!(
-            "declared to stand at {} s, outside the inertial data, which last from {begin:.1} to {end:.1} s",
-            beyond.join(", ")
+            "declared standing: {}; the data last from {begin:.1} to {end:.1} s",
+            told.join("; ")
         ),
-        remedy: "intervals count in seconds from the begin of the log; check them (`--stop`, stationary.intervals_s)".into(),
+        remedy: "intervals count in seconds from the log's zero (`t0` of `insnav info`); check them (`--stop`, stationary.intervals_s)".into(),
     })
 }
 
@@ -167,9 +197,34 @@ mod tests {
         assert_eq!(judge(&mut config, &[[0.0, 300.5]]), None);
         let told = judge(&mut config, &[[10.0, 20.0], [250.0, 310.0]]).unwrap();
         assert!(
-            told.contains("250:310") && told.contains("0.0 to 300.0") && !told.contains("10:20"),
+            told.contains("250:310 s lies partly outside")
+                && told.contains("0.0 to 300.0")
+                && !told.contains("10:20"),
             "{told}"
         );
+        let told = judge(&mut config, &[[10.0, 20.0], [400.0, 500.0]]).unwrap();
+        assert!(
+            told.contains("400:500 s lies outside") && !told.contains("partly"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_heading_held_on_a_foot_is_warned_of() {
+        let mut config = Config::default();
+        config.stationary.mode = StationaryMode::HeadingHold;
+        assert_eq!(check_mode(&config), None, "on wheels");
+        config.vehicle.kind = VehicleKind::Foot;
+        let told = check_mode(&config).expect("a warning");
+        assert!(told.message.contains("heading_hold"), "{told:?}");
+        for right in [
+            StationaryMode::Auto,
+            StationaryMode::Zupt,
+            StationaryMode::Off,
+        ] {
+            config.stationary.mode = right;
+            assert_eq!(check_mode(&config), None);
+        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ mod trial;
 mod variant;
 
 pub use errors::{HeadingPoint, MeanSquares, StopEndErrors, StopErrors};
-pub use record::StaticRecord;
+pub use record::{StaticRecord, Turning};
 pub use setting::StopSetting;
 pub use trial::{StopFlags, StopTrial};
 pub use variant::StopVariant;

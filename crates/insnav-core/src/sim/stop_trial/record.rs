@@ -15,6 +15,11 @@ use nalgebra::Vector3;
 
 /// Length of the means from which the wander of the biases follows, s.
 const MEAN_S: f64 = 60.0;
+/// Length of the means by which a turn is seen, s.
+const STRETCH_S: f64 = 10.0;
+/// The mean rate of a unit at rest changes less from stretch to stretch, rad/s: 0.1 °/s, where the bias of a phone's gyro
+/// changes by a hundredth of it in 10 s, and a vehicle that drives turns by degrees a second.
+const MOST_CHANGE: f64 = 0.1 * core::f64::consts::PI / 180.0;
 /// Correlation time of the biases that the filter is told, s; that of the source's unit.
 const WANDER_TAU_S: f64 = 3600.0;
 
@@ -33,7 +38,48 @@ pub struct StaticRecord {
     scatter: [f64; 2],
 }
 
+/// Where a record that should be of a unit at rest turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turning {
+    /// Since the first inertial sample, s: where the stretch begins whose mean rate is another.
+    pub after_s: f64,
+    /// Change of the mean rate from one stretch to the next, rad/s.
+    pub rate_change: f64,
+}
+
 impl StaticRecord {
+    /// The first change of the mean rate between neighbouring stretches of 10 s that is larger than a unit at rest can have.
+    /// Increments and aiding samples are passed over.
+    pub fn turning(samples: &[Sample]) -> Option<Turning> {
+        let rates = samples.iter().filter_map(|sample| match sample {
+            Sample::Imu(s) => Some((s.time, s.angular_rate_b)),
+            _ => None,
+        });
+        let mut first = None;
+        let mut sums: Vec<(usize, Vector3<f64>, f64)> = Vec::new();
+        for (time, rate) in rates {
+            let since = time.since(*first.get_or_insert(time));
+            let stretch = (since / STRETCH_S) as usize;
+            match sums.last_mut() {
+                Some(last) if last.0 == stretch => {
+                    last.1 += rate;
+                    last.2 += 1.0;
+                }
+                _ => sums.push((stretch, rate, 1.0)),
+            }
+        }
+        // Of a stretch that is not whole the mean has more noise.
+        let whole = sums.iter().map(|s| s.2).fold(0.0, f64::max);
+        sums.retain(|s| s.2 > 0.5 * whole);
+        sums.windows(2).find_map(|pair| {
+            let rate_change = (pair[1].1 / pair[1].2 - pair[0].1 / pair[0].2).norm();
+            (rate_change > MOST_CHANGE).then(|| Turning {
+                after_s: pair[1].0 as f64 * STRETCH_S,
+                rate_change,
+            })
+        })
+    }
+
     /// Of inertial samples in the order of time; others are passed over.
     ///
     /// # Errors
@@ -44,6 +90,12 @@ impl StaticRecord {
             reason,
         };
         let mut meter = NoiseMeter::default();
+        let samples: Vec<Sample> = samples.into_iter().collect();
+        if Self::turning(&samples).is_some() {
+            return Err(refuse(
+                "its mean rate changed by more than 0.1 °/s within 10 s: the unit did not stand still",
+            ));
+        }
         let mut record = Vec::new();
         for sample in samples {
             meter.push(&sample);
@@ -299,6 +351,22 @@ mod tests {
         });
         let error = StaticRecord::new(turned).unwrap_err().to_string();
         assert!(error.contains("stand still"), "{error}");
+        assert_eq!(StaticRecord::turning(&samples), None);
+        // A slow turn on a level floor, which no force shows.
+        let turned = samples.iter().map(|s| match s {
+            Sample::Imu(s) if s.time >= Time::from_seconds(1200.0) => Sample::Imu(ImuSample {
+                angular_rate_b: s.angular_rate_b + Vector3::new(0.0, 0.0, 0.3f64.to_radians()),
+                ..*s
+            }),
+            other => *other,
+        });
+        let turned: Vec<Sample> = turned.collect();
+        let turn = StaticRecord::turning(&turned).expect("it turned");
+        assert!(
+            turn.after_s == 1200.0 && (turn.rate_change.to_degrees() - 0.3).abs() < 0.05,
+            "{turn:?}"
+        );
+        assert!(StaticRecord::new(turned).is_err());
         let record = StaticRecord::new(samples).expect("an hour at rest");
         let long = StopSetting {
             stop_s: 4000.0,
