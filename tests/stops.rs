@@ -322,3 +322,59 @@ fn a_run_that_begins_at_rest_is_held_from_its_first_second() {
     let last = record.epochs[record.epochs.len() - 1];
     assert!(last.heading_sigma().to_degrees() > 95.0);
 }
+
+/// Somebody says that the body stands, and GNSS that it drives at ten metres a second: it is believed to drive, told so once,
+/// and not asked again until what was declared is taken back.
+#[test]
+fn a_stop_that_gnss_contradicts_is_ended_and_not_taken_up_again() {
+    use insnav::sim::{Leg, Scenario};
+    let mut scenario = Scenario::standing(1.0, 70.0);
+    let leg = |duration_s: f64, speed_m_per_s: f64| Leg {
+        duration_s,
+        speed_m_per_s,
+        ..Leg::default()
+    };
+    scenario.drive.legs = vec![leg(20.0, 0.0), leg(10.0, 10.0), leg(30.0, 10.0)];
+    scenario.duration_s = 60.0;
+    let simulation = scenario.simulate(1).expect("a good scenario");
+    let start = simulation.trajectory.start();
+    // It stands until 20 s; what is declared goes on to 50 s.
+    let config = declared(StationaryMode::Static, &[[5.0, 50.0]]);
+    let truth = |t: f64| simulation.truth_at(start.plus(t));
+    #[derive(Default)]
+    struct Told(Record, usize);
+    impl Sink for Told {
+        fn epoch(&mut self, epoch: &Epoch) {
+            self.0.epoch(epoch);
+        }
+        fn event(&mut self, event: &Event) {
+            self.0.event(event);
+            self.1 += usize::from(matches!(event, Event::StandstillContradicted { .. }));
+        }
+    }
+    let mut told = Told::default();
+    let mut navigator = Navigator::aligned(
+        &config,
+        ImuGrade::Automotive.noise(),
+        truth(0.0).nav,
+        ImuErrors::default(),
+        &sigma(1.0),
+    )
+    .expect("good settings");
+    for sample in &simulation.samples {
+        navigator.step(sample, &mut told).expect("good samples");
+    }
+    navigator.finish(&mut told).expect("good samples");
+    let Told(record, contradictions) = told;
+    eprintln!("{:?}", record.stops);
+    assert_eq!(contradictions, 1);
+    let [stop] = record.stops[..] else {
+        panic!("{} stops", record.stops.len());
+    };
+    assert_eq!(stop.ended_by, StopEnd::Contradicted);
+    let end = stop.end.since(start);
+    assert!((20.0..25.0).contains(&end), "{end}");
+    let last = record.epochs[record.epochs.len() - 1];
+    let off = last.nav.velocity_n - truth(60.0).nav.velocity_n;
+    assert!(off.norm() < 0.5, "{off}");
+}

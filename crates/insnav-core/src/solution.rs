@@ -120,11 +120,12 @@ pub enum Event {
     },
     /// A stop ended.
     StopEnded(StopRecord),
-    /// Standing was declared, but the filter's own velocity contradicts it: not used.
+    /// Standing was declared, but it is contradicted: by the filter's own velocity when it was to begin, or later by GNSS or
+    /// by what the inertial unit measured. Not used, or used no longer.
     StandstillContradicted {
         /// When.
         time: Time,
-        /// v̂ᵀ (P_vv + 0.1² I)⁻¹ v̂.
+        /// v̂ᵀ (P_vv + 0.1² I)⁻¹ v̂, or the NIS of what contradicts.
         nis: f64,
     },
     /// Standing was declared for less time than anybody can stop and start in: not used.

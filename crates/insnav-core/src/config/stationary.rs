@@ -177,6 +177,41 @@ impl<'de> Deserialize<'de> for Intervals {
     }
 }
 
+/// Begin and end, and nothing after them: an array would let a third number pass.
+struct Pair([f64; 2]);
+
+impl<'de> Deserialize<'de> for Pair {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> core::result::Result<Self, D::Error> {
+        if deserializer.is_human_readable() {
+            deserializer.deserialize_seq(BeginAndEnd)
+        } else {
+            Ok(Pair(Deserialize::deserialize(deserializer)?))
+        }
+    }
+}
+
+struct BeginAndEnd;
+
+impl<'de> Visitor<'de> for BeginAndEnd {
+    type Value = Pair;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("pairs of seconds, as in [[40, 200], [310, 420]]")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> core::result::Result<Pair, A::Error> {
+        let mut next = |at| {
+            seq.next_element::<f64>()?
+                .ok_or_else(|| de::Error::invalid_length(at, &self))
+        };
+        let pair = [next(0)?, next(1)?];
+        match seq.next_element::<f64>()? {
+            None => Ok(Pair(pair)),
+            Some(_) => Err(de::Error::invalid_length(3, &self)),
+        }
+    }
+}
+
 struct ListOfIntervals;
 
 impl<'de> Visitor<'de> for ListOfIntervals {
@@ -191,7 +226,7 @@ impl<'de> Visitor<'de> for ListOfIntervals {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> core::result::Result<Intervals, A::Error> {
         let mut out = Intervals::default();
-        while let Some(interval) = seq.next_element::<[f64; 2]>()? {
+        while let Some(Pair(interval)) = seq.next_element::<Pair>()? {
             let Some(free) = out.list.get_mut(out.len) else {
                 return Err(de::Error::invalid_length(out.len + 1, &self));
             };

@@ -66,7 +66,11 @@ impl Measurement<3> for StandingRateModel {
 
     fn linearize(&self, at: &Nominal, layout: &Layout) -> Linearized<3> {
         let to_b = at.nav.q_nb.inverse().to_rotation_matrix().into_inner();
-        let earth_rate_n = earth_rate_n(at.nav.position.latitude);
+        let mut earth_rate_n = earth_rate_n(at.nav.position.latitude);
+        if !self.earth_rate_tells {
+            // North is anywhere: its mean over all headings is none.
+            earth_rate_n.x = 0.0;
+        }
         let rate_b = to_b * earth_rate_n;
         let scale = at.imu_errors.gyro_scale.add_scalar(1.0);
         let mut h = Columns::default();

@@ -61,7 +61,7 @@ const GAP_FORCE_SIGMA: f64 = 1.0;
 ///     navigator.step(sample, &mut last)?;
 /// }
 /// # if samples.is_empty() { return Ok(()); }
-/// navigator.finish(&mut last)?; // the last half second is still in the horizon
+/// navigator.finish(&mut last)?; // the last second is still in the horizon
 /// # Ok(()) }
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -256,9 +256,13 @@ impl Navigator {
         if let Stage::Starting(startup) = &mut self.stage
             && let Ok(alignment) = startup.align_with_what_there_is()
         {
-            return outcome
+            outcome = outcome
                 .and(self.begin(alignment, sink))
                 .and(self.drain(true, sink));
+            if let Stage::Running(filter) = &mut self.stage {
+                outcome = outcome.and(self.standing.end(StopEnd::End, filter, sink));
+            }
+            return outcome;
         }
         while let Some(aid) = self.horizon.pop_aiding() {
             sink.event(&Event::AfterEnd { time: aid.time() });
@@ -323,8 +327,17 @@ impl Navigator {
                 });
             }
         }
+        // A hole among what was kept for a start has begun another.
+        #[cfg(feature = "std")]
+        if let Stage::Starting(startup) = &mut self.stage {
+            startup.push(sample);
+            return match startup.try_align() {
+                Some(alignment) => outcome.and(self.begin(alignment, sink)),
+                None => outcome,
+            };
+        }
         let Stage::Running(filter) = &self.stage else {
-            return Ok(());
+            return outcome;
         };
         let (time, now) = (sample.time(), filter.nominal().nav.time);
         if sample.is_inertial() {
@@ -427,6 +440,9 @@ impl Navigator {
                 Sample::GnssVelocity(fix) => {
                     self.speed.observe(fix);
                     if self.standing.is_held() {
+                        let r = self.velocity.model(fix).r;
+                        let heard = self.standing.hear(&fix.velocity_n, &r, filter, sink);
+                        failed = failed.or(heard.err());
                         continue;
                     }
                     self.velocity.observe(fix, filter)

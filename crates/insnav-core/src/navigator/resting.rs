@@ -9,7 +9,7 @@ use super::standing::told;
 use crate::config::StationaryConfig;
 use crate::earth::earth_rate_n;
 use crate::error::Result;
-use crate::filter::{Eskf, GYRO_BIAS, Gate, Settling, Update};
+use crate::filter::{Eskf, GYRO_BIAS, Gate, POSITION, Settling, Update};
 use crate::imu::ImuNoise;
 use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
 use crate::mechanization::Increment;
@@ -28,6 +28,11 @@ const PATIENCE: u32 = 3;
 const MISFIT_NIS: f64 = 40.13;
 /// With a heading that is known no better, the Earth's rate does not tell the gyros' bias from the heading, rad.
 const VAGUE_HEADING: f64 = 0.2;
+/// Velocity that a start may have gained unseen, over the density of the accelerometers' noise, √s: a mean of a second shows
+/// no less than nine densities of acceleration, for 1.2 s; a third of what that makes is a sigma.
+const UNSEEN: f64 = 3.5;
+/// And the way, over that velocity, s.
+const UNSEEN_FOR: f64 = 0.6;
 /// Nothing is learnt from a measurement of so much more variance than the prediction.
 const MUTE: f64 = 1e12;
 
@@ -44,6 +49,10 @@ pub(super) struct Resting {
     /// By how much the errors lag behind the nav state, s.
     behind: f64,
     misfits: u32,
+    worst: f64,
+    /// Steps in which the gyros' values come, as last told, and whether the bias has been widened for them.
+    gyro_step: Vector3<f64>,
+    widened: [bool; 3],
     took_back: bool,
 }
 
@@ -70,6 +79,9 @@ impl Resting {
             sum: Sum::default(),
             behind: 0.0,
             misfits: 0,
+            worst: 0.0,
+            gyro_step: Vector3::zeros(),
+            widened: [false; 3],
             took_back: false,
         }
     }
@@ -78,7 +90,7 @@ impl Resting {
     pub(super) fn enter(&mut self, filter: &mut Eskf) -> Result<Update> {
         self.sum = Sum::default();
         self.behind = 0.0;
-        self.misfits = 0;
+        (self.misfits, self.worst) = (0, 0.0);
         // The weight of a velocity known to `velocity_sigma`.
         let dt = self.zero_velocity.interval_for(self.velocity_sigma);
         let update = self.zero_velocity.observe(dt, filter)?;
@@ -114,7 +126,8 @@ impl Resting {
         if self.sum.dt < MEAN {
             return Ok(());
         }
-        self.use_means(gyro_step, filter, sink)
+        self.gyro_step = *gyro_step;
+        self.use_means(filter, sink)
     }
 
     /// Whether the last mean was taken back, and the attitude turned instead.
@@ -122,41 +135,40 @@ impl Resting {
         self.took_back
     }
 
-    /// Whether what was measured has not fitted a body at rest for some time.
-    pub(super) fn is_contradicted(&self) -> bool {
-        self.misfits >= PATIENCE
+    /// The worst NIS of late, when what was measured has not fitted a body at rest for some time.
+    pub(super) fn contradiction(&self) -> Option<f64> {
+        (self.misfits >= PATIENCE).then_some(self.worst)
     }
 
     /// Rise: what was measured since the last mean is used, the velocity is what a body that starts may have.
     pub(super) fn leave(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
         self.catch_up(filter);
         let outcome = if self.sum.dt >= SHORTEST {
-            self.use_means(&Vector3::zeros(), filter, sink)
+            self.use_means(filter, sink)
         } else {
             Ok(())
         };
-        filter.forget_velocity(self.velocity_sigma);
+        let unseen = UNSEEN * self.accel_white;
+        let way = unseen * UNSEEN_FOR;
+        filter.forget_velocity(self.velocity_sigma.hypot(unseen));
+        filter
+            .covariance_mut()
+            .add(POSITION, &Matrix3::from_diagonal_element(way * way));
         outcome
     }
 
-    fn use_means(
-        &mut self,
-        gyro_step: &Vector3<f64>,
-        filter: &mut Eskf,
-        sink: &mut impl Sink,
-    ) -> Result<()> {
+    fn use_means(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
         self.catch_up(filter);
+        self.widen(filter);
         let sum = core::mem::take(&mut self.sum);
-        let (force, rate) = (
-            self.force_model(&sum),
-            self.rate_model(&sum, gyro_step, filter),
-        );
+        let (force, rate) = (self.force_model(&sum), self.rate_model(&sum, filter));
         let now = filter.nominal().nav.time;
         let looks = [
             filter.update(&force, now, &mut Gate::closed())?,
             filter.update(&rate, now, &mut Gate::closed())?,
         ];
         if looks.iter().any(|look| look.nis > MISFIT_NIS) {
+            self.worst = looks.iter().map(|look| look.nis).fold(self.worst, f64::max);
             self.misfits += 1;
             self.took_back = true;
             for look in &looks {
@@ -165,10 +177,22 @@ impl Resting {
             turn(&sum, filter);
             return Ok(());
         }
-        self.misfits = 0;
+        (self.misfits, self.worst) = (0, 0.0);
         let mut gate = Gate::open();
         told(filter.update(&force, now, &mut gate), sink)
             .and(told(filter.update(&rate, now, &mut gate), sink))
+    }
+
+    /// Give the bias back, once, what means taught of it before the steps were seen.
+    fn widen(&mut self, filter: &mut Eskf) {
+        let mut extra = Matrix3::zeros();
+        for (axis, widened) in self.widened.iter_mut().enumerate() {
+            let step = self.gyro_step[axis];
+            if step > 0.0 && !core::mem::replace(widened, true) {
+                extra[(axis, axis)] = step * step / 12.0;
+            }
+        }
+        filter.covariance_mut().add(GYRO_BIAS, &extra);
     }
 
     fn force_model(&self, sum: &Sum) -> StandingForceModel {
@@ -179,12 +203,12 @@ impl Resting {
     }
 
     /// The mean rate with its variance: white noise, and what does not average out.
-    fn rate_model(&self, sum: &Sum, gyro_step: &Vector3<f64>, filter: &Eskf) -> StandingRateModel {
+    fn rate_model(&self, sum: &Sum, filter: &Eskf) -> StandingRateModel {
         let white = self.gyro_white * self.gyro_white / sum.dt;
         let heading = filter.attitude_covariance_n()[(2, 2)];
         let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
         // A mean of coarse steps is off by as much as they are apart, uniformly, however long it is taken.
-        let mut lasting = gyro_step.map(|step| step * step / 12.0);
+        let mut lasting = self.gyro_step.map(|step| step * step / 12.0);
         if !earth_rate_tells {
             let nav = &filter.nominal().nav;
             let horizontal = earth_rate_n(nav.position.latitude).x;

@@ -4,7 +4,7 @@ use super::resting::Resting;
 use crate::attitude::{Euler, wrap_angle};
 use crate::config::{StationaryConfig, StationaryMode};
 use crate::error::Result;
-use crate::filter::{Eskf, GYRO_BIAS, Update};
+use crate::filter::{Eskf, GYRO_BIAS, POSITION, Update, VELOCITY};
 use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
@@ -13,13 +13,19 @@ use crate::stationary::{Evidence, StopEnd, StopRecord, Witness};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Zero velocities that do not fit over so long, s, end a stop.
 const MISFIT: f64 = 0.2;
 /// Mean NIS of three degrees of freedom that does not fit: one in a thousand for a single one.
 const MISFIT_NIS: f64 = 16.3;
+/// So long must the mean rate contradict a declared stop, s: people who move in it make it do so for less.
+const TURNING: f64 = 1.0;
+/// What a body may have gained while its unit's means did not fit, m/s: 0.3 m/s² over the three seconds.
+const MISFIT_SPEED: f64 = 1.0;
+/// What GNSS may say of the speed of a body that stands on top of its sigma, m/s: receivers filter, so that they stop late.
+const HEARD_FLOOR: f64 = 0.2;
 /// After a stop that what was measured contradicts, none is believed for so long, s.
 const DISTRUST: f64 = 3.0;
 
@@ -33,6 +39,14 @@ pub(super) struct Standing {
     resting: Resting,
     stop: Option<Stop>,
     distrusted_until: Option<Time>,
+    /// Whether what was declared has been contradicted and not been taken back since.
+    disbelieved: bool,
+    /// Nothing stands before here: the begin of the run, the end of the last stop.
+    earliest: Option<Time>,
+    /// GNSS velocities in a row that contradict what was declared.
+    heard_moving: u32,
+    /// Since when the mean rate says that a body that was declared to stand turns.
+    turning_since: Option<Time>,
 }
 
 /// The stop that lasts.
@@ -63,6 +77,10 @@ impl Standing {
             resting: Resting::new(config, noise),
             stop: None,
             distrusted_until: None,
+            disbelieved: false,
+            earliest: None,
+            heard_moving: 0,
+            turning_since: None,
         }
     }
 
@@ -92,22 +110,43 @@ impl Standing {
         sink: &mut impl Sink,
     ) -> Result<()> {
         let now = filter.nominal().nav.time;
+        let earliest = *self.earliest.get_or_insert(now);
+        let declared = is_declared(&evidence);
+        self.disbelieved &= declared;
+        if self.is_turning(&evidence, now) {
+            let nis = MISFIT_NIS * evidence.mean_rate;
+            return self.contradict(nis, 0.0, filter, sink);
+        }
         match (detected, &self.stop) {
             (Motion::Moving, Some(stop)) => {
-                let ended_by = match stop.record.evidence.witness {
-                    Witness::Declared | Witness::Interval => StopEnd::Withdrawn,
-                    Witness::Detector | Witness::Nobody => StopEnd::Motion,
+                let ended_by = if is_declared(&stop.record.evidence) {
+                    StopEnd::Withdrawn
+                } else {
+                    StopEnd::Motion
                 };
                 self.end(ended_by, filter, sink)
             }
             // Seen ahead: what begins later than here is not entered yet.
             (Motion::Stationary { since }, None)
-                if since <= now && self.distrusted_until.is_none_or(|until| now >= until) =>
+                if since <= now
+                    && self.distrusted_until.is_none_or(|until| now >= until)
+                    && (!self.disbelieved || evidence.agrees()) =>
             {
-                self.begin(since, evidence, filter, sink)
+                self.begin(since.max(earliest), evidence, filter, sink)
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether a body that was declared to stand has turned for a second: a held heading would take that for a bias.
+    fn is_turning(&mut self, evidence: &Evidence, now: Time) -> bool {
+        let declared = |stop: &Stop| is_declared(&stop.record.evidence);
+        if !self.stop.as_ref().is_some_and(declared) || !(evidence.mean_rate > 1.0) {
+            self.turning_since = None;
+            return false;
+        }
+        let since = *self.turning_since.get_or_insert(now);
+        now.since(since) >= TURNING && self.is_held()
     }
 
     /// Enter a stop.
@@ -230,7 +269,7 @@ impl Standing {
         }
         let mut outcome = Ok(());
         let contradicted = match stop.mode {
-            StationaryMode::Off => false,
+            StationaryMode::Off => None,
             StationaryMode::Auto | StationaryMode::Static => {
                 let before = filter.nominal().nav.q_nb;
                 outcome = self.resting.observe(gyro_step, filter, sink);
@@ -240,13 +279,14 @@ impl Standing {
                     stop.record.heading_growth +=
                         turn_about_down(&before, &filter.nominal().nav.q_nb);
                 }
-                self.resting.is_contradicted()
+                self.resting.contradiction()
             }
             mode => {
                 let zero = self.zero_velocity.observe(dt, filter);
-                let misfit = zero
-                    .as_ref()
-                    .is_ok_and(|update| stop.misfit.takes(update.nis, dt));
+                let misfit = match &zero {
+                    Ok(update) => stop.misfit.takes(update.nis, dt),
+                    Err(_) => None,
+                };
                 outcome = told(zero, sink);
                 let held = match mode {
                     StationaryMode::HeadingHold => Some(self.held.observe_heading(dt, filter)),
@@ -259,10 +299,62 @@ impl Standing {
                 misfit
             }
         };
-        if contradicted {
-            self.distrusted_until = Some(filter.nominal().nav.time.plus(DISTRUST));
-            outcome = outcome.and(self.end(StopEnd::Contradicted, filter, sink));
+        if let Some(nis) = contradicted {
+            outcome = outcome.and(self.contradict(nis, MISFIT_SPEED, filter, sink));
         }
+        outcome
+    }
+
+    /// A GNSS velocity that a filter which is held does not use: r is its covariance, m²/s². Two in a row end a stop that was
+    /// declared; those that the detector sees it ends itself.
+    pub(super) fn hear(
+        &mut self,
+        velocity_n: &Vector3<f64>,
+        r: &Matrix3<f64>,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let declared = self
+            .stop
+            .as_ref()
+            .is_some_and(|stop| is_declared(&stop.record.evidence));
+        let v = velocity_n.xy();
+        let spread = r.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * (HEARD_FLOOR * HEARD_FLOOR);
+        let nis = spread.cholesky().map_or(0.0, |c| v.dot(&c.solve(&v)));
+        if !declared || nis <= MISFIT_NIS {
+            self.heard_moving = 0;
+            return Ok(());
+        }
+        self.heard_moving += 1;
+        if self.heard_moving < 2 {
+            return Ok(());
+        }
+        self.contradict(nis, v.norm(), filter, sink)
+    }
+
+    /// What was measured says that the body does not stand, but may move at this speed, m/s.
+    fn contradict(
+        &mut self,
+        nis: f64,
+        speed: f64,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<()> {
+        let now = filter.nominal().nav.time;
+        self.distrusted_until = Some(now.plus(DISTRUST));
+        let declared = self
+            .stop
+            .as_ref()
+            .is_some_and(|stop| is_declared(&stop.record.evidence));
+        if declared {
+            self.disbelieved = true;
+            sink.event(&Event::StandstillContradicted { time: now, nis });
+        }
+        let outcome = self.end(StopEnd::Contradicted, filter, sink);
+        // It has moved for about a second without anybody noticing.
+        let moved = Matrix3::from_diagonal_element(speed * speed);
+        filter.covariance_mut().add(VELOCITY, &moved);
+        filter.covariance_mut().add(POSITION, &moved);
         outcome
     }
 
@@ -290,6 +382,9 @@ impl Standing {
         };
         let (after, mut record) = (heading(filter), stop.record);
         record.end = filter.nominal().nav.time;
+        self.earliest = Some(record.end);
+        self.turning_since = None;
+        self.heard_moving = 0;
         record.ended_by = ended_by;
         record.heading_corrections = wrap_angle(
             after - record.heading_before - record.heading_at_entry - record.heading_growth,
@@ -306,23 +401,27 @@ impl Standing {
 }
 
 impl Misfit {
-    /// Take a NIS; true when those of the last stretch do not fit.
-    fn takes(&mut self, nis: f64, dt: f64) -> bool {
+    /// Take a NIS; their mean when those of the last stretch do not fit.
+    fn takes(&mut self, nis: f64, dt: f64) -> Option<f64> {
         self.sum += nis;
         self.count += 1;
         self.time += dt;
         if self.time < MISFIT {
-            return false;
+            return None;
         }
         let mean = self.sum / f64::from(self.count);
         *self = Misfit::default();
-        mean > MISFIT_NIS
+        (mean > MISFIT_NIS).then_some(mean)
     }
 }
 
 /// Hand an update to the sink.
 pub(super) fn told(update: Result<Update>, sink: &mut impl Sink) -> Result<()> {
     update.map(|update| sink.update(&update))
+}
+
+fn is_declared(evidence: &Evidence) -> bool {
+    matches!(evidence.witness, Witness::Declared | Witness::Interval)
 }
 
 fn heading(filter: &Eskf) -> f64 {

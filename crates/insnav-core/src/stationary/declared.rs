@@ -44,23 +44,28 @@ impl From<Notice> for Event {
 struct Span {
     begin: Time,
     end: Option<Time>,
-    /// Whether the filter agrees, once it was asked.
-    stands: Option<bool>,
+    /// From when on the filter has agreed.
+    from: Option<Time>,
+    /// Whether it was told that the filter contradicts.
+    told: bool,
 }
 
 impl Span {
     fn holds_at(&self, at: Time) -> bool {
-        self.stands == Some(true) && self.begin <= at && self.end.is_none_or(|end| at < end)
+        self.from.is_some_and(|from| from <= at) && self.end.is_none_or(|end| at < end)
     }
 
-    /// Ask the filter, which has come to `at`: once, as soon as it is at the begin.
+    /// Ask the filter, which has come to `at`, until it agrees: a stop that is declared too early holds as soon as the
+    /// body stands. That it contradicts is told once.
     fn judge(&mut self, at: Time, belief: &Belief) -> Option<Notice> {
-        if self.stands.is_some() || at < self.begin {
+        if self.from.is_some() || at < self.begin || self.end.is_some_and(|end| end <= at) {
             return None;
         }
-        let nis = contradicted(belief);
-        self.stands = Some(nis.is_none());
-        nis.map(|nis| Notice::Contradicted {
+        let Some(nis) = contradicted(belief) else {
+            self.from = Some(if self.told { at } else { self.begin });
+            return None;
+        };
+        (!core::mem::replace(&mut self.told, true)).then_some(Notice::Contradicted {
             time: self.begin,
             nis,
         })
@@ -109,7 +114,8 @@ impl Declared {
                     Some(Span {
                         begin: said.time,
                         end: None,
-                        stands: None,
+                        from: None,
+                        told: false,
                     }),
                 ];
             }
@@ -142,7 +148,8 @@ impl Declared {
             self.interval = Some(Span {
                 begin,
                 end: Some(end),
-                stands: None,
+                from: None,
+                told: false,
             });
         }
         let mut spans = [self.interval, self.topic[0], self.topic[1]];
@@ -160,8 +167,8 @@ impl Declared {
         let interval = self.interval.as_ref().filter(holds);
         let topic = self.topic.iter().flatten().find(holds);
         match (interval, topic) {
-            (Some(span), _) => Some((span.begin, Witness::Interval)),
-            (None, Some(span)) => Some((span.begin, Witness::Declared)),
+            (Some(span), _) => Some((span.from?, Witness::Interval)),
+            (None, Some(span)) => Some((span.from?, Witness::Declared)),
             (None, None) => None,
         }
     }

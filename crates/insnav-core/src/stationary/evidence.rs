@@ -48,6 +48,20 @@ impl Default for Evidence {
     }
 }
 
+impl Evidence {
+    /// Whether everything that can be judged speaks for a stop.
+    pub fn agrees(&self) -> bool {
+        let ratios = [
+            self.specific_force,
+            self.angular_rate,
+            self.mean_rate,
+            self.speed,
+        ];
+        ratios.iter().any(|ratio| ratio.is_finite())
+            && ratios.iter().all(|ratio| ratio.is_nan() || *ratio < 1.0)
+    }
+}
+
 /// Nothing to judge is the same as nothing to judge.
 impl PartialEq for Evidence {
     fn eq(&self, other: &Self) -> bool {

@@ -123,6 +123,11 @@ impl InertialTests {
         self.steps.steps()
     }
 
+    /// Where nothing is tested, the gyros' steps are still looked for.
+    pub(super) fn watch(&mut self, rate: &Vector3<f64>) {
+        self.steps.push(rate);
+    }
+
     /// Take a sample that comes `dt` after the one before it.
     pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> Moved {
         self.steps.push(rate);

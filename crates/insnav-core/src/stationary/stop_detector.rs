@@ -227,19 +227,22 @@ impl StopDetector {
         belief: &Belief,
         reading: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
     ) {
+        // After a start anew what waited is shown once more.
+        if self.now.is_some_and(|last| now <= last) {
+            return;
+        }
         let Some(last) = self.now.replace(now) else {
             self.declared.begin_at(now);
             return;
         };
         let dt = now.since(last);
-        if dt <= 0.0 {
-            return;
-        }
         if dt > GAP {
             self.gap = Some((last, now));
             self.end(last);
             self.tests.clear();
-        } else if self.kind != DetectorKind::None {
+        } else if self.kind == DetectorKind::None {
+            self.tests.watch(&reading(dt).1);
+        } else {
             let (force, rate) = reading(dt);
             let moved = self.tests.push(dt, &force, &rate);
             if moved.anew {

@@ -4,6 +4,7 @@ use insnav_core::filter::{Update, Verdict};
 use insnav_core::solution::{Epoch, Motion};
 use insnav_core::time::Time;
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 
 /// Counts what happened since the last report, and makes one every second.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -43,19 +44,19 @@ impl Diagnostics {
         let p = epoch.covariance.diagonal();
         let horizontal = (p[0] + p[1]).max(0.0).sqrt();
         let unaided = self.last_aided.map(|last| time.since(last));
+        let mut message = String::with_capacity(80);
+        if let Motion::Stationary { since } = epoch.motion {
+            let _ = write!(message, "standing for {:.0} s, ", time.since(since));
+        }
         // Receivers report at 1 Hz or faster: three seconds without one is an outage, not a slow receiver.
-        let (level, message) = match unaided {
-            Some(gap) if gap < 3.0 => (0, "aided by GNSS".to_owned()),
-            Some(gap) => (1, format!("no GNSS for {gap:.0} s, dead reckoning")),
-            None => (1, "no GNSS yet".to_owned()),
+        let (level, aid) = match unaided {
+            Some(gap) if gap < 3.0 => (0, format_args!("aided by GNSS")),
+            Some(gap) => (1, format_args!("no GNSS for {gap:.0} s, dead reckoning")),
+            None => (1, format_args!("no GNSS yet")),
         };
-        let message = match epoch.motion {
-            Motion::Moving => message,
-            Motion::Stationary { since } => {
-                format!("standing for {:.0} s, {message}", time.since(since))
-            }
-        };
-        let mut values = vec![
+        let _ = message.write_fmt(aid);
+        let mut values = Vec::with_capacity(8);
+        values.extend([
             ("sigma_horizontal_m", format!("{horizontal:.3}")),
             ("sigma_height_m", format!("{:.3}", p[2].max(0.0).sqrt())),
             (
@@ -74,7 +75,7 @@ impl Diagnostics {
             ("updates_accepted", self.accepted.to_string()),
             ("updates_inflated", self.inflated.to_string()),
             ("updates_rejected", self.rejected.to_string()),
-        ];
+        ]);
         if let Motion::Stationary { since } = epoch.motion {
             values.push(("standing_since_unix_s", format!("{:.3}", since.seconds())));
         }
