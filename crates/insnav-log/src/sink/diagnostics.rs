@@ -49,12 +49,20 @@ impl Diagnostics {
             let _ = write!(message, "standing for {:.0} s, ", time.since(since));
         }
         // Receivers report at 1 Hz or faster: three seconds without one is an outage, not a slow receiver.
-        let (level, aid) = match unaided {
-            Some(gap) if gap < 3.0 => (0, format_args!("aided by GNSS")),
-            Some(gap) => (1, format_args!("no GNSS for {gap:.0} s, dead reckoning")),
-            None => (1, format_args!("no GNSS yet")),
+        let level = match unaided {
+            Some(gap) if gap < 3.0 => {
+                message.push_str("aided by GNSS");
+                0
+            }
+            Some(gap) => {
+                let _ = write!(message, "no GNSS for {gap:.0} s, dead reckoning");
+                1
+            }
+            None => {
+                message.push_str("no GNSS yet");
+                1
+            }
         };
-        let _ = message.write_fmt(aid);
         let mut values = Vec::with_capacity(8);
         values.extend([
             ("sigma_horizontal_m", format!("{horizontal:.3}")),
