@@ -43,6 +43,8 @@ pub(super) struct Standing {
     disbelieved: bool,
     /// Nothing stands before here: the begin of the run, the end of the last stop.
     earliest: Option<Time>,
+    /// Whether it is declared, and not only seen, that the body stands.
+    declared: bool,
     /// GNSS velocities in a row that contradict what was declared.
     heard_moving: u32,
     /// Since when the mean rate says that a body that was declared to stand turns.
@@ -79,6 +81,7 @@ impl Standing {
             distrusted_until: None,
             disbelieved: false,
             earliest: None,
+            declared: false,
             heard_moving: 0,
             turning_since: None,
         }
@@ -111,15 +114,15 @@ impl Standing {
     ) -> Result<()> {
         let now = filter.nominal().nav.time;
         let earliest = *self.earliest.get_or_insert(now);
-        let declared = is_declared(&evidence);
-        self.disbelieved &= declared;
+        let was_declared = core::mem::replace(&mut self.declared, is_declared(&evidence));
+        self.disbelieved &= self.declared;
         if self.is_turning(&evidence, now) {
             let nis = MISFIT_NIS * evidence.mean_rate;
             return self.contradict(nis, 0.0, filter, sink);
         }
         match (detected, &self.stop) {
-            (Motion::Moving, Some(stop)) => {
-                let ended_by = if is_declared(&stop.record.evidence) {
+            (Motion::Moving, Some(_)) => {
+                let ended_by = if was_declared {
                     StopEnd::Withdrawn
                 } else {
                     StopEnd::Motion
@@ -138,15 +141,15 @@ impl Standing {
         }
     }
 
-    /// Whether a body that was declared to stand has turned for a second: a held heading would take that for a bias.
+    /// Whether a body that is declared to stand has turned for a second: a held heading would take that for a bias.
     fn is_turning(&mut self, evidence: &Evidence, now: Time) -> bool {
-        let declared = |stop: &Stop| is_declared(&stop.record.evidence);
-        if !self.stop.as_ref().is_some_and(declared) || !(evidence.mean_rate > 1.0) {
+        let turns = self.declared && self.is_held() && evidence.mean_rate > 1.0;
+        if !turns {
             self.turning_since = None;
             return false;
         }
         let since = *self.turning_since.get_or_insert(now);
-        now.since(since) >= TURNING && self.is_held()
+        now.since(since) >= TURNING
     }
 
     /// Enter a stop.
@@ -314,14 +317,10 @@ impl Standing {
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
-        let declared = self
-            .stop
-            .as_ref()
-            .is_some_and(|stop| is_declared(&stop.record.evidence));
         let v = velocity_n.xy();
         let spread = r.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * (HEARD_FLOOR * HEARD_FLOOR);
         let nis = spread.cholesky().map_or(0.0, |c| v.dot(&c.solve(&v)));
-        if !declared || nis <= MISFIT_NIS {
+        if !self.declared || nis <= MISFIT_NIS {
             self.heard_moving = 0;
             return Ok(());
         }
@@ -342,11 +341,7 @@ impl Standing {
     ) -> Result<()> {
         let now = filter.nominal().nav.time;
         self.distrusted_until = Some(now.plus(DISTRUST));
-        let declared = self
-            .stop
-            .as_ref()
-            .is_some_and(|stop| is_declared(&stop.record.evidence));
-        if declared {
+        if self.declared {
             self.disbelieved = true;
             sink.event(&Event::StandstillContradicted { time: now, nis });
         }
