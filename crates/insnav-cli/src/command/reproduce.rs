@@ -140,7 +140,7 @@ fn record(path: &Path) -> Result<StaticRecord, Failure> {
         ));
     }
     let mut inertial = samples.iter().filter(|s| s.is_inertial()).map(Sample::time);
-    let (first, last) = (inertial.next(), inertial.last());
+    let (first, last) = (inertial.next(), inertial.next_back());
     let long = first.zip(last).map_or(0.0, |(a, b)| b.since(a));
     if long < least {
         return Err(refuse(
