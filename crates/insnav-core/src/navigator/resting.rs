@@ -14,6 +14,8 @@ use crate::imu::ImuNoise;
 use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::Sink;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
