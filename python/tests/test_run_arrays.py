@@ -252,7 +252,8 @@ def test_summary_has_the_keys_of_the_command(truth: Drive) -> None:
     assert s.summary["final"]["latitude_deg"] == s.latitude_deg[-1]
     assert s.summary["warnings"] == []
     (stop,) = s.summary["stops"]
-    assert stop["begin_s"] == pytest.approx(0, abs=0.5) and stop["end_s"] == pytest.approx(20, abs=1)
+    # A stop at the very begin is seen once the detector's low-pass has settled; begins are good to a second.
+    assert stop["begin_s"] == pytest.approx(0, abs=1) and stop["end_s"] == pytest.approx(20, abs=1)
     names = {aid["name"]: aid for aid in s.summary["aiding"]}
     assert names["gnss_position"]["used"] + names["gnss_position"]["rejected"] > 890
 
@@ -270,7 +271,9 @@ def test_without_gnss_the_way_counts_from_the_start(truth: Drive) -> None:
     time_s, rate, force = arrays["imu"]
     at_rest = time_s < 5.0
     still = (time_s[at_rest], 0.0 * rate[at_rest], 0.0 * force[at_rest] + [0.0, 0.0, -9.81])
-    s = insnav.run({"imu": still}, CONFIG, imu_only=True)
+    # Without a heading the Earth's rate is about an unknown axis, and that is said.
+    with pytest.warns(insnav.InsnavWarning, match="heading"):
+        s = insnav.run({"imu": still}, CONFIG, imu_only=True)
     assert s.summary["imu_only"]["gnss_left_out"] == []
     # A level unit without noise falls along its own vertical alone.
     assert s.summary["final"]["closure_horizontal_m"] < 0.01
