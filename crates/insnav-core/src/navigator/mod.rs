@@ -21,7 +21,7 @@ use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, Nonholono
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
-use crate::stationary::{Belief, Evidence, GnssSpeed, LOOK_AHEAD, StopDetector, StopEnd};
+use crate::stationary::{Belief, Evidence, GAP, GnssSpeed, LOOK_AHEAD, StopDetector, StopEnd};
 use crate::time::Time;
 use horizon::{Horizon, NotTaken};
 use nalgebra::{Matrix3, Vector3};
@@ -35,8 +35,6 @@ const DELAY: f64 = 0.5 + LOOK_AHEAD;
 /// So much of what was kept at a start does the detector see before the run begins, s: its window and what it waits beyond.
 #[cfg(feature = "std")]
 const SCOUT: f64 = 3.5;
-/// A longer interval between inertial samples is a gap, s.
-const GAP: f64 = 0.2;
 /// After a longer gap the run starts anew, s: a car may have turned round, which no linear filter bridges.
 #[cfg(feature = "std")]
 const RESTART_GAP: f64 = 5.0;

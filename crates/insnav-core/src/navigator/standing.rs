@@ -231,13 +231,15 @@ impl Standing {
         match stop.mode {
             StationaryMode::Off => filter.propagate(raw),
             StationaryMode::Auto | StationaryMode::Static => self.resting.pass(raw, filter),
-            StationaryMode::Zupt | StationaryMode::HeadingHold | StationaryMode::AttitudeHold => {
+            StationaryMode::Zupt
+            | StationaryMode::Zihr
+            | StationaryMode::HeadingHold
+            | StationaryMode::AttitudeHold => {
                 filter.propagate_standing(raw, self.config.force);
             }
-            StationaryMode::Zihr => filter.propagate_standing(raw, self.config.force),
         }
         stop.record.heading_growth += turn_about_down(&before, &filter.nominal().nav.q_nb);
-        if stop.mode == StationaryMode::Zihr && raw.dt > 0.0 {
+        if stop.mode == StationaryMode::Zihr {
             // Before anything else is told: the noise that is in both has to be there still.
             return told(self.zero_heading_rate.observe(raw.dt, filter), sink);
         }

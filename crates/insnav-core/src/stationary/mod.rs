@@ -24,6 +24,6 @@ pub use evidence::{Evidence, Witness};
 pub use gnss_speed::{GnssSpeed, Heard, STANDING_SPEED};
 pub use quantised::GyroSteps;
 pub use rest_noise::RestNoise;
-pub use stop_detector::{Belief, LOOK_AHEAD, StopDetector};
+pub use stop_detector::{Belief, GAP, LOOK_AHEAD, StopDetector};
 pub use stop_record::{StopEnd, StopRecord};
 pub use window::Moments;

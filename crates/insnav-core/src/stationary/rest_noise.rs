@@ -31,16 +31,11 @@ const STANCE_RATE: f64 = 0.087;
 impl RestNoise {
     /// The noise of the settings where they state it, else `noise`; for a `stance` no less than a foot on the ground shows.
     pub fn new(config: &StationaryConfig, stance: bool, noise: &ImuNoise) -> Self {
-        let gyro_white = config
-            .gyro_arw_deg_per_sqrt_hour
-            .map_or(noise.gyro_white, |d| d.to_radians() / 60.0);
-        let accel_white = config
-            .accel_vrw_m_per_s_per_sqrt_hour
-            .map_or(noise.accel_white, |d| d / 60.0);
+        let at_rest = config.noise_at_rest(noise);
         // Far below any unit's: only a division by zero is kept out.
         RestNoise {
-            accel_white: accel_white.max(1e-10),
-            gyro_white: gyro_white.max(1e-13),
+            accel_white: at_rest.accel_white.max(1e-10),
+            gyro_white: at_rest.gyro_white.max(1e-13),
             least_of_a_sample: if stance {
                 [STANCE_FORCE, STANCE_RATE]
             } else {

@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 /// So far ahead of the filter are stops looked for, s: motion is seen before the filter comes to it.
 pub const LOOK_AHEAD: f64 = 0.5;
-/// A longer interval between inertial samples ends a stop, s.
-const GAP: f64 = 0.2;
+/// A longer interval between inertial samples is a gap, and ends a stop, s.
+pub const GAP: f64 = 0.2;
 /// A stop begins only with a mean rate this much below its threshold, a ratio: one at the edge would begin and end it for ever.
 const SURELY_STEADY: f64 = 0.6;
 /// While GNSS or wheels confirm a stop, LPMV and LPGV may be this much above their thresholds before it is believed (five
