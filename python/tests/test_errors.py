@@ -56,6 +56,8 @@ def test_refuses_other_types(log: Any) -> None:
         ("nowhere.toml", ["nowhere.toml", "cannot be read"]),
         ({"gnns": {}}, ["gnns", "gnss"]),
         ({"imu": {"grade": "toy"}}, ["toy", "consumer"]),
+        ({"stationary": {"mode": "zup"}}, ["stationary.mode", "heading_hold", "did you mean `zupt`?"]),
+        ({"alignment": {"heading_deg": 9999}}, ["alignment.heading_deg", "between -360 and 360"]),
         ({"gnss": {"lever_arm_b_m": [0, 0]}}, ["lever_arm_b_m"]),
         ({"gnss": {"sigma_scale": "big"}}, ["sigma_scale"]),
         ({"gnss": {"sigma_scale": -1.0}}, ["gnss.sigma_scale", "-1"]),

@@ -308,5 +308,8 @@ def test_standing_is_declared_by_arrays(truth: Drive) -> None:
     (stop,) = s.summary["stops"]
     assert stop["begin_s"] == pytest.approx(5, abs=0.02)
     assert stop["evidence"]["witness"] == "declared"
+    wheels = ([4.0, 7.0, 9.0], [0.0, float("nan"), float("nan")])
+    with pytest.warns(insnav.InsnavWarning, match=r"2 samples .* the first at 7\.000 s: .*speed"):
+        insnav.run({**declared, "speed": wheels}, config)
     with pytest.raises(insnav.InsnavError, match="neither true nor false"):
         insnav.run({**declared, "standstill": ([5.0], [float("nan")])}, config)

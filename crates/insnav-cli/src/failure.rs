@@ -55,6 +55,15 @@ impl Failure {
         Failure::usage(message.trim(), remedy)
     }
 
+    /// The same, with the file that it is about in front where the message does not name it.
+    pub(crate) fn about(mut self, path: &std::path::Path) -> Self {
+        let path = path.display().to_string();
+        if !self.problem.message.contains(&path) {
+            self.problem.message = format!("{path}: {}", self.problem.message);
+        }
+        self
+    }
+
     /// A file that cannot be written.
     pub(crate) fn not_writable(path: &std::path::Path, error: std::io::Error) -> Self {
         LogError::OutputNotWritable {

@@ -49,6 +49,8 @@ pub enum ConfigError {
         key: String,
         /// What is expected.
         message: String,
+        /// Of names, the known one nearest to it in spelling.
+        nearest: Option<String>,
     },
     /// A `--set` without `=`.
     #[error("`--set {text}`: no `=` in it")]
@@ -87,6 +89,10 @@ impl ConfigError {
                 ..
             } => format!("did you mean `{nearest}`?"),
             ConfigError::UnknownKey { known, .. } => format!("known here: {}", known.join(", ")),
+            ConfigError::Value {
+                nearest: Some(nearest),
+                ..
+            } => format!("did you mean `{nearest}`?"),
             ConfigError::Value { .. } => "give a value of that kind; the unit is in the key".into(),
             ConfigError::NotAnAssignment { .. } => {
                 "write it as section.key=value, such as gnss.sigma_scale=2".into()
@@ -210,6 +216,7 @@ fn take_standing_topic(
             origin: origin.into(),
             key: STANDING_TOPIC.into(),
             message: format!("{other} is no name of a topic, such as \"/vehicle/standing\""),
+            nearest: None,
         }),
     }
 }
@@ -229,6 +236,7 @@ pub fn parse_maps(text: &str, origin: &str) -> Result<Vec<TopicMap>, ConfigError
         origin: origin.into(),
         key: key.into(),
         message: message.into(),
+        nearest: None,
     };
     let list = match table.remove("map") {
         None => return Ok(Vec::new()),
@@ -313,6 +321,7 @@ fn assign(table: &mut toml::Table, text: &str) -> Result<(), ConfigError> {
             origin: format!("--set {text}"),
             key: key.trim().to_owned(),
             message: format!("`{section}` is not a section"),
+            nearest: None,
         })?;
     }
     at.insert(last.to_owned(), value);
@@ -325,6 +334,8 @@ struct Fault {
     path: Vec<String>,
     unknown: Option<&'static [&'static str]>,
     message: String,
+    /// Of a name that is not known, the nearest that is.
+    nearest: Option<String>,
 }
 
 impl Fault {
@@ -341,6 +352,7 @@ impl Fault {
                 origin,
                 key,
                 message: self.message,
+                nearest: self.nearest,
             },
             Some(names) => {
                 let section = &self.path[..self.path.len() - 1];
@@ -355,13 +367,7 @@ impl Fault {
                 let name = &self.path[self.path.len() - 1];
                 let own = (section == ["stationary"]).then_some(&"topic");
                 let names: Vec<&str> = names.iter().chain(own).copied().collect();
-                let nearest = names
-                    .iter()
-                    .map(|known| (distance(name, known), known))
-                    .min()
-                    // Further than that, a suggestion is a guess.
-                    .filter(|(d, known)| *d <= known.len().max(name.len()) / 2)
-                    .map(|(_, known)| whole(known));
+                let nearest = nearest(name, &names).map(whole);
                 ConfigError::UnknownKey {
                     origin,
                     key,
@@ -387,6 +393,7 @@ impl de::Error for Fault {
             path: Vec::new(),
             unknown: None,
             message: message.to_string(),
+            nearest: None,
         }
     }
 
@@ -395,8 +402,28 @@ impl de::Error for Fault {
             path: vec![field.to_owned()],
             unknown: Some(expected),
             message: String::new(),
+            nearest: None,
         }
     }
+
+    fn unknown_variant(name: &str, expected: &'static [&'static str]) -> Self {
+        Fault {
+            path: Vec::new(),
+            unknown: None,
+            message: format!("{name:?} is not one of {}", expected.join(", ")),
+            nearest: nearest(name, expected).map(str::to_owned),
+        }
+    }
+}
+
+/// The known name that is nearest in spelling, unless it is so far that it would be a guess.
+fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    known
+        .iter()
+        .map(|known| (distance(name, known), *known))
+        .min()
+        .filter(|(d, known)| *d <= known.len().max(name.len()) / 2)
+        .map(|(_, known)| known)
 }
 
 /// A TOML value that reports faults as [`Fault`].
@@ -636,6 +663,14 @@ mod tests {
             let e = parse(&format!("[stationary]\n{text}"), &[]).unwrap_err();
             assert!(e.to_string().contains(says), "{e}");
         }
+        let e = parse("[stationary]\nmode = \"zup\"", &[]).unwrap_err();
+        let all = "auto, off, zupt, zihr, heading_hold, attitude_hold, static";
+        assert!(e.to_string().ends_with(all), "{e}");
+        assert_eq!(e.remedy(), "did you mean `zupt`?");
+        let e = parse("", &["stationary.mode=heading-hold"]).unwrap_err();
+        assert_eq!(e.remedy(), "did you mean `heading_hold`?");
+        let e = parse("", &["stationary.mode=1"]).unwrap_err();
+        assert!(e.to_string().ends_with(all), "{e}");
         let e = parse("[stationary]\nwindow = 2", &[]).unwrap_err();
         assert_eq!(e.remedy(), "did you mean `stationary.window_s`?");
     }

@@ -43,6 +43,8 @@ pub struct SampleCounts {
     pub dropped_velocity_no_fix: u64,
     /// Speeds of wheels dropped: NaN or infinite.
     pub dropped_speed_not_finite: u64,
+    /// The stamp of the first of them.
+    pub first_speed_not_finite: Option<Time>,
     /// Aiding samples dropped: later than the reorder window allows.
     pub dropped_late: u64,
     /// Messages without a stamp of their own, for which the log time was taken.
@@ -69,9 +71,9 @@ pub struct ReaderState {
 }
 
 impl ReaderState {
-    /// Aiding samples dropped so far: recorded later than the reorder window allows.
-    pub fn dropped_late(&self) -> u64 {
-        self.counts.dropped_late
+    /// What became of the messages so far.
+    pub fn counts(&self) -> &SampleCounts {
+        &self.counts
     }
 }
 
@@ -277,7 +279,10 @@ impl<'a> Samples<'a> {
                     let sample = Sample::Speed(Speed { time, speed });
                     self.reorder.push(time, log_time, sample);
                 }
-                Declared::Speed(_) => counts.dropped_speed_not_finite += 1,
+                Declared::Speed(_) => {
+                    counts.dropped_speed_not_finite += 1;
+                    counts.first_speed_not_finite.get_or_insert(time);
+                }
             }
         }
         Ok(true)

@@ -128,6 +128,7 @@ impl ScenarioFile {
             origin: origin.to_owned(),
             key: key.to_owned(),
             message,
+            nearest: None,
         };
         let mut body = file.body.unwrap_or_default();
         let (legs, duration_s) = match (file.ready_route, file.route.is_empty()) {
@@ -214,12 +215,14 @@ impl ScenarioFile {
                     origin: self.origin.clone(),
                     key: "route".into(),
                     message: error.to_string(),
+                    nearest: None,
                 };
             };
             ConfigError::Value {
                 origin: self.origin.clone(),
                 key: key_in_file(key),
                 message: format!("{value} is not allowed, it must be {expected}"),
+                nearest: None,
             }
         })
     }

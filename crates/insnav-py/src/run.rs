@@ -26,7 +26,8 @@ use std::path::PathBuf;
 ///     An MCAP file with ROS 2, ROS 1, JSON or foxglove protobuf messages, or a mapping of arrays (see :class:`Arrays`).
 /// config : mapping or path, optional
 ///     Settings: a mapping with the sections and keys of the TOML file, such as
-///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, or the path of a file.
+///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, or the path of a file. Seconds in it (``stationary.intervals_s``) count
+///     from the log's zero, ``solution.t0_ns``: of arrays that of their ``time_s``.
 /// output : path, optional
 ///     Where to write the solution as MCAP, for RViz, Foxglove, rerun, PlotJuggler and evo.
 /// overwrite : bool, default False

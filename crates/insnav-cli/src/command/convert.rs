@@ -13,6 +13,7 @@ use insnav_log::convert::{
 };
 use insnav_log::{
     ExportFormat, ImuAxes, Log, LogSettings, LogWriterOptions, Warning, check_output, export,
+    is_standard_stream,
 };
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -99,6 +100,12 @@ struct Converted {
 
 impl Convert {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
+        if is_standard_stream(&self.output) {
+            return Err(Failure::usage(
+                "-o -: what is written follows from the ending of the output's name, and standard output has none",
+                "name a file, or a folder for the CSV of a log",
+            ));
+        }
         not_the_input(&self.input, &self.output)?;
         if !ending(&self.output).is_empty() {
             check_output(&self.output, self.force)?;

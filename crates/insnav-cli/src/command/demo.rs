@@ -12,7 +12,10 @@ use insnav_core::imu::ImuGrade;
 use insnav_core::metrics::{CompareOptions, Comparison, Withheld, compare};
 use insnav_core::sim::Scenario;
 use insnav_log::csv::write_truth;
-use insnav_log::{ComparedReference, ComparedSolution, Log, ReadOptions, RunOptions, config_text};
+use insnav_log::{
+    ComparedReference, ComparedSolution, Log, ReadOptions, RunOptions, config_text,
+    is_standard_stream,
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -53,6 +56,12 @@ impl Demo {
     }
 
     fn report(&self) -> Result<DemoReport, Failure> {
+        if is_standard_stream(&self.dir) {
+            return Err(Failure::usage(
+                "--dir -: several files are written, and standard output is one",
+                "name a folder",
+            ));
+        }
         std::fs::create_dir_all(&self.dir).map_err(|e| Failure::not_writable(&self.dir, e))?;
         let file = |name: &str| self.dir.join(name);
         let (log_path, truth_path, config_path) = (

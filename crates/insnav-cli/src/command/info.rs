@@ -7,10 +7,12 @@ use crate::output::Output;
 use crate::progress::Watched;
 use crate::text;
 use clap::Args;
+use insnav_core::stationary::Witness;
 use insnav_core::time::Time;
 use insnav_log::{
-    Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, Mounting, NoiseReport, Plan, Role,
-    RunOptions, TopicInfo, TopicStatistics, Warning, config_text_with, find,
+    Checksums, Choice, Estimate, Finding, Log, METADATA_NAME, METADATA_T0, Mounting, NoiseReport,
+    Plan, Role, RunOptions, StopReport, TopicInfo, TopicStatistics, Warning, config_text_with,
+    find,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -44,6 +46,10 @@ pub(crate) struct LogReport {
     pub(crate) checksums: &'static str,
     pub(crate) begin_unix_s: Option<f64>,
     pub(crate) duration_s: Option<f64>,
+    /// The zero of all seconds, Unix time.
+    pub(crate) zero_unix_s: f64,
+    /// Whether the log's metadata state it; else it is the first IMU stamp.
+    pub(crate) zero_stated: bool,
     /// What is wrong with the data, the worst first.
     pub(crate) findings: Vec<Finding>,
     pub(crate) topics: Vec<TopicReport>,
@@ -83,6 +89,28 @@ pub(crate) struct Span {
     pub(crate) end_s: f64,
 }
 
+/// Who says that the vehicle stood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum SeenBy {
+    /// The detector of a run: inertial data, and speed where it is heard.
+    Detector,
+    /// The topic that declares standing.
+    Topic,
+    /// An interval of the settings.
+    Interval,
+    /// GNSS velocity alone: a run makes nothing of it.
+    GnssVelocity,
+}
+
+/// A stop.
+#[derive(Debug, Serialize)]
+pub(crate) struct SeenStop {
+    #[serde(flatten)]
+    pub(crate) span: Span,
+    pub(crate) seen_by: SeenBy,
+}
+
 #[derive(Debug, Serialize)]
 pub(crate) struct MeanAndRange {
     pub(crate) mean: f64,
@@ -102,8 +130,11 @@ pub(crate) struct RunPreview {
     pub(crate) wheel_speeds: usize,
     pub(crate) time_offset_s: Option<Estimate>,
     pub(crate) gnss_velocity_lag_s: Option<Estimate>,
-    /// By GNSS speed; a run looks at the inertial data too.
-    pub(crate) stops: Vec<Span>,
+    /// Those that a run finds or is told of, and those that GNSS velocity alone shows.
+    pub(crate) stops: Vec<SeenStop>,
+    /// On a foot: how many stops were shorter than a second, which are not listed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stances: Option<usize>,
     pub(crate) imu_grade: &'static str,
     pub(crate) imu_grade_picked: bool,
     pub(crate) imu_noise: Option<NoiseReport>,
@@ -139,7 +170,7 @@ impl Info {
         };
         let (run, problem, findings, warnings) = match plan {
             Ok(plan) => (
-                Some(preview(&plan, log.options().geoid_height_m)),
+                Some(preview(&plan, &log)),
                 None,
                 plan.findings,
                 plan.warnings,
@@ -153,6 +184,8 @@ impl Info {
                 (None, Some(Failure::from(error)), findings, warnings)
             }
         };
+        let stated = |pairs: &BTreeMap<String, String>| pairs.contains_key(METADATA_T0);
+        let zero_stated = log.metadata(METADATA_NAME).is_some_and(stated);
         let (profile, library) = log.written_by();
         let range = log.time_range();
         let report = LogReport {
@@ -167,6 +200,8 @@ impl Info {
             },
             begin_unix_s: range.map(|(first, _)| first.seconds()),
             duration_s: range.map(|(first, last)| last.since(first)),
+            zero_unix_s: origin.seconds(),
+            zero_stated,
             findings,
             topics: topics(&log, origin)?,
             metadata: log.metadata(METADATA_NAME).cloned().unwrap_or_default(),
@@ -198,16 +233,50 @@ impl Info {
     }
 }
 
-fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
+/// What a run makes of the log, from one pass of the navigator; and where only GNSS velocity shows a stop.
+fn stops(plan: &Plan, log: &Log) -> (Vec<SeenStop>, Option<usize>) {
+    let report = plan.execute(&Watched::new(log), &mut ()).ok();
+    let stances = report.as_ref().and_then(|r| r.stances);
+    let found = report.map(|r| r.stops).unwrap_or_default();
+    let seen_by = |witness| match witness {
+        Witness::Declared => SeenBy::Topic,
+        Witness::Interval => SeenBy::Interval,
+        Witness::Detector | Witness::Nobody => SeenBy::Detector,
+    };
+    let mut all: Vec<SeenStop> = found
+        .iter()
+        .map(|stop| SeenStop {
+            span: Span {
+                begin_s: stop.begin_s,
+                end_s: stop.end_s,
+            },
+            seen_by: seen_by(stop.evidence.witness),
+        })
+        .collect();
+    let by_gnss = plan.stops().into_iter().map(|stop| Span {
+        begin_s: stop.begin.since(plan.origin),
+        end_s: stop.end.since(plan.origin),
+    });
+    let overlaps = |a: &Span| {
+        let meets = |b: &StopReport| a.begin_s < b.end_s && b.begin_s < a.end_s;
+        found.iter().any(meets)
+    };
+    all.extend(by_gnss.filter(|span| !overlaps(span)).map(|span| SeenStop {
+        span,
+        seen_by: SeenBy::GnssVelocity,
+    }));
+    all.sort_by(|a, b| a.span.begin_s.total_cmp(&b.span.begin_s));
+    (all, stances)
+}
+
+fn preview(plan: &Plan, log: &Log) -> RunPreview {
+    let geoid_height_m = log.options().geoid_height_m;
+    let (stops, stances) = stops(plan, log);
     let mut config = plan.config;
     if !plan.lever_arm_known {
         // Zero stated in a file would be taken for a measured zero.
         config.gnss.lever_arm_b_m = None;
     }
-    let span = |begin: Time, end: Time| Span {
-        begin_s: begin.since(plan.origin),
-        end_s: end.since(plan.origin),
-    };
     RunPreview {
         imu_samples: plan.survey.imu_samples,
         gnss_positions: plan.survey.positions.len(),
@@ -216,7 +285,8 @@ fn preview(plan: &Plan, geoid_height_m: f64) -> RunPreview {
         wheel_speeds: plan.survey.speeds,
         time_offset_s: plan.clocks.offset_found,
         gnss_velocity_lag_s: plan.clocks.lag_found,
-        stops: plan.stops().iter().map(|s| span(s.begin, s.end)).collect(),
+        stops,
+        stances,
         imu_grade: plan.grade.name(),
         imu_grade_picked: plan.grade_picked,
         imu_noise: plan.survey.noise_floor.as_ref().map(NoiseReport::from),

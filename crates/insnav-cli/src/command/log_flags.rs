@@ -128,7 +128,8 @@ fn altitude(text: &str) -> Result<Geoid, String> {
 fn mounting(text: &str) -> Result<Angles, String> {
     let mut angles = [0.0; 3];
     for part in text.split(',') {
-        let wrong = || format!("{part:?} is not roll=…, pitch=… or yaw=… in degrees");
+        let wrong =
+            || format!("{part:?} is not roll=…, pitch=… or yaw=… in degrees, from -360 to 360");
         let (name, value) = part.split_once('=').ok_or_else(wrong)?;
         let at = ["roll", "pitch", "yaw"]
             .iter()
@@ -138,7 +139,7 @@ fn mounting(text: &str) -> Result<Angles, String> {
             .trim()
             .parse()
             .ok()
-            .filter(|a: &f64| a.is_finite())
+            .filter(|a: &f64| a.abs() <= 360.0)
             .ok_or_else(wrong)?;
     }
     Ok(Angles(angles))
@@ -151,7 +152,7 @@ mod tests {
     #[test]
     fn mountings() {
         assert_eq!(mounting("roll=90,yaw=-90"), Ok(Angles([90.0, 0.0, -90.0])));
-        for wrong in ["", "roll", "heading=3", "roll=x", "roll=inf"] {
+        for wrong in ["", "roll", "heading=3", "roll=x", "roll=inf", "yaw=9999"] {
             assert!(mounting(wrong).is_err(), "{wrong}");
         }
     }

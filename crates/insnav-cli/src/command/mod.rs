@@ -16,7 +16,7 @@ pub(crate) use compare::Compare;
 pub(crate) use completions::{Completions, Man};
 pub(crate) use convert::Convert;
 pub(crate) use demo::{Demo, DemoReport};
-pub(crate) use info::{Info, LogReport, RunPreview, TopicReport};
+pub(crate) use info::{Info, LogReport, RunPreview, SeenBy, TopicReport};
 pub(crate) use reproduce::Reproduce;
 pub(crate) use run::{Outcome, Run};
 pub(crate) use simulate::{Simulate, Simulated};

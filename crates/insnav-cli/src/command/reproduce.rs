@@ -76,6 +76,7 @@ impl Reproduce {
 impl Kozadaev2017 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         if let Some(plot) = &self.plot {
+            check_ending(plot)?;
             check_output(plot, self.force).map_err(|e| of_plot(e.into()))?;
             if is_standard_stream(plot) {
                 output.leave_stdout_to_a_file();
@@ -97,6 +98,25 @@ impl Kozadaev2017 {
         let report = experiment.report();
         output.result(&report, || text::reproduced(&report));
         Ok(0)
+    }
+}
+
+/// A drawing is SVG, whatever its name: so its name says so.
+fn check_ending(plot: &Path) -> Result<(), Failure> {
+    let ending = plot.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        None | Some("svg") => Ok(()),
+        Some(other) => Err(Failure::usage(
+            format!(
+                "--plot {}: the drawing is SVG, not {}",
+                plot.display(),
+                other.to_uppercase()
+            ),
+            format!(
+                "name it {}; a browser shows it, and Inkscape or ImageMagick make other formats of it",
+                plot.with_extension("svg").display()
+            ),
+        )),
     }
 }
 

@@ -8,6 +8,7 @@ use crate::output::Output;
 use crate::progress::Watched;
 use crate::text;
 use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insnav_core::config::{Config, Intervals, MOST_INTERVALS, StationaryMode};
 use insnav_log::{
     ExportFormat, Log, McapSink, Plan, ReadOptions, RunOptions, RunReport, SavedRun, Source,
@@ -63,12 +64,13 @@ pub(crate) struct Run {
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     heading_deg: Option<f64>,
 
-    /// What to make of stops: static, zupt, zihr, heading_hold, attitude_hold, or off [default: static; zupt on foot]
-    #[arg(long, value_name = "MODE", value_parser = stationary_mode)]
+    /// What to make of stops [default: auto, which is static, or zupt on a foot]
+    #[arg(long, value_name = "MODE", value_parser = stationary_mode())]
     stationary: Option<StationaryMode>,
 
-    /// An interval in which the vehicle is known to stand, seconds from the log's zero (t0 of `insnav info`), such as 40:200
-    /// (repeatable, or a list with commas); other stops are found all the same
+    /// An interval in which the vehicle is known to stand, such as 40:200 (repeatable, or a list with commas), in seconds from the
+    /// log's zero, which `insnav info` prints: t0_ns of its metadata, else the first IMU stamp, on the clock of --time. Added to
+    /// those of the settings; other stops are found all the same. With --resume the zero is that of the first part
     #[arg(long, value_name = "BEGIN:END", value_parser = interval, value_delimiter = ',', allow_hyphen_values = true)]
     stop: Vec<Interval>,
 
@@ -143,10 +145,30 @@ fn interval(text: &str) -> Result<Interval, String> {
     }
 }
 
-fn stationary_mode(text: &str) -> Result<StationaryMode, String> {
+/// All of `stationary.mode`, by the names of the settings.
+const STATIONARY_MODES: [&str; 7] = [
+    "auto",
+    "off",
+    "zupt",
+    "zihr",
+    "heading_hold",
+    "attitude_hold",
+    "static",
+];
+
+fn stationary_mode() -> impl TypedValueParser<Value = StationaryMode> {
+    PossibleValuesParser::new(STATIONARY_MODES).try_map(|text| mode_of(&text))
+}
+
+fn mode_of(text: &str) -> Result<StationaryMode, serde::de::value::Error> {
     let name: serde::de::value::StrDeserializer<'_, serde::de::value::Error> =
         text.into_deserializer();
-    StationaryMode::deserialize(name).map_err(|e| e.to_string())
+    StationaryMode::deserialize(name)
+}
+
+/// Two intervals that share more than an end.
+fn overlap(a: [f64; 2], b: [f64; 2]) -> bool {
+    a[0] < b[1] && b[0] < a[1]
 }
 
 fn export_format(text: &str) -> Result<ExportFormat, String> {
@@ -212,7 +234,7 @@ impl Run {
             Err(error) => {
                 failures += 1;
                 if !single {
-                    output.complain(&error);
+                    output.complain(&error.clone().about(&job.input));
                 }
                 quiet.get_or_insert(error.clone());
                 entries.push(Entry::Failed {
@@ -244,16 +266,8 @@ impl Run {
     fn config(&self) -> Result<Config, Failure> {
         let mut stops: Vec<[f64; 2]> = self.stop.iter().map(|i| i.0).collect();
         stops.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let Some(intervals) = Intervals::new(&stops) else {
-            return Err(Failure::usage(
-                format!(
-                    "--stop: {} intervals are more than {MOST_INTERVALS}",
-                    stops.len()
-                ),
-                "declare standing by a topic: `--topic standing=/its/name`",
-            ));
-        };
-        self.settings.load_over(|config| {
+        let mut refused = None;
+        let config = self.settings.load_over(|config| {
             let mut set_by = Vec::new();
             let mut by = |key, flag: String| set_by.push(SetBy { flag, key });
             if let Some(TimeOffset::Seconds(s)) = self.time_offset {
@@ -283,14 +297,56 @@ impl Run {
                 by("stationary.mode", "--stationary".into());
             }
             if !stops.is_empty() {
-                config.stationary.intervals_s = intervals;
-                let list: Vec<String> = stops.iter().map(|[a, b]| format!("{a}:{b}")).collect();
-                by(
-                    "stationary.intervals_s",
-                    format!("--stop {}", list.join(",")),
-                );
+                match self.with_stops(&config.stationary.intervals_s, &stops) {
+                    Ok(all) => config.stationary.intervals_s = all,
+                    Err(failure) => refused = Some(failure),
+                }
+                // Among themselves: what the settings have is the settings' fault.
+                if stops.windows(2).any(|pair| overlap(pair[0], pair[1])) {
+                    let list: Vec<String> = stops.iter().map(|[a, b]| format!("{a}:{b}")).collect();
+                    let flag = format!("--stop {}", list.join(","));
+                    by("stationary.intervals_s", flag);
+                }
             }
             set_by
+        });
+        match refused {
+            Some(failure) => Err(failure),
+            None => config,
+        }
+    }
+
+    /// Intervals of the settings and those of `--stop`, which are sorted, in order.
+    fn with_stops(&self, given: &Intervals, stops: &[[f64; 2]]) -> Result<Intervals, Failure> {
+        let mut all = stops.to_vec();
+        for given in given.as_slice() {
+            // What a run says that it used may be given back to it together with its flags.
+            if stops.contains(given) {
+                continue;
+            }
+            if let Some([a, b]) = stops.iter().find(|stop| overlap(**stop, *given)) {
+                let [c, d] = given;
+                return Err(Failure::new(
+                    "bad_config_value",
+                    format!(
+                        "--stop {a}:{b} overlaps {c}:{d} of {}: both are used",
+                        self.settings.source_of("stationary.intervals_s")
+                    ),
+                    "give the whole interval in one of the two places",
+                )
+                .into_usage());
+            }
+            all.push(*given);
+        }
+        all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        Intervals::new(&all).ok_or_else(|| {
+            Failure::usage(
+                format!(
+                    "--stop: {} intervals, those of the settings counted, are more than {MOST_INTERVALS}",
+                    all.len()
+                ),
+                "declare standing by a topic: `--topic standing=/its/name`",
+            )
         })
     }
 
@@ -315,10 +371,12 @@ impl Run {
                 "name the output with -o",
             ));
         }
-        if !self.also.is_empty() && jobs.iter().any(|job| is_standard_stream(&job.output)) {
+        if let Some(path) = &self.save_state
+            && is_standard_stream(path)
+        {
             return Err(Failure::usage(
-                "--also writes beside the output, and standard output has no place of its own",
-                "name a file with -o",
+                "--save-state -: a state is kept in a file, for --resume",
+                "name a file with --save-state",
             ));
         }
         if jobs.len() > 1 && (self.save_state.is_some() || self.resume.is_some()) {
@@ -412,6 +470,7 @@ impl Run {
             ignore_clocks: matches!(self.time_offset, Some(TimeOffset::Seconds(_))),
             withhold: self.withhold.clone().unwrap_or_default(),
             start: None,
+            more_follows: self.save_state.is_some(),
             ..RunOptions::default()
         }
     }
@@ -565,16 +624,20 @@ mod tests {
         for wrong in ["40", "40:", "200:40", "40:40", "nan:1", "40-200"] {
             assert!(interval(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(
-            stationary_mode("heading_hold"),
-            Ok(StationaryMode::HeadingHold)
-        );
-        assert!(
-            stationary_mode("hold")
-                .unwrap_err()
-                .contains("heading_hold")
-        );
+        assert!(overlap([1.0, 3.0], [2.0, 4.0]) && !overlap([1.0, 2.0], [2.0, 4.0]));
         assert_eq!(rate("imu"), Ok(Rate(0.0)));
         assert!(rate("0").is_err() && rate("-5").is_err());
+    }
+
+    /// The flag and the settings know the same names.
+    #[test]
+    fn modes_are_those_of_the_settings() {
+        assert_eq!(mode_of("heading_hold"), Ok(StationaryMode::HeadingHold));
+        for name in STATIONARY_MODES {
+            assert!(mode_of(name).is_ok(), "{name}");
+        }
+        let all = STATIONARY_MODES.map(|name| format!("`{name}`")).join(", ");
+        let told = mode_of("hold").unwrap_err().to_string();
+        assert!(told.ends_with(&format!("expected one of {all}")), "{told}");
     }
 }

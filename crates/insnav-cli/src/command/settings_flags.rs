@@ -51,6 +51,24 @@ impl SettingsFlags {
         }
     }
 
+    /// Where a setting of a key comes from, if it is not the default.
+    pub(super) fn source_of(&self, key: &str) -> String {
+        match (self.assigned(key), &self.config) {
+            (Some(_), _) => format!("--set {key}"),
+            (None, Some(path)) => format!("{key} in {}", path.display()),
+            (None, None) => key.to_owned(),
+        }
+    }
+
+    /// The last `--set` of a key.
+    fn assigned(&self, key: &str) -> Option<&String> {
+        let assigns = |text: &&String| {
+            let name = text.split_once('=').map(|(name, _)| name.trim());
+            name == Some(key)
+        };
+        self.set.iter().rfind(assigns)
+    }
+
     /// A number out of its range, with the flag or the file that set it.
     fn out_of_range(&self, error: CoreError, set_by: &[SetBy]) -> Failure {
         let CoreError::Config {
@@ -75,11 +93,7 @@ impl SettingsFlags {
             )
             .into_usage();
         }
-        let assigns = |text: &&String| {
-            let name = text.split_once('=').map(|(name, _)| name.trim());
-            name == Some(key)
-        };
-        if let Some(text) = self.set.iter().rfind(assigns) {
+        if let Some(text) = self.assigned(key) {
             return failure(
                 format!("--set {text}: must be {expected}"),
                 "give the key another value",

@@ -86,7 +86,8 @@ impl Simulate {
             output.result(&json, || SCENARIO_EXAMPLE.to_owned());
             return Ok(0);
         };
-        if is_standard_stream(to) {
+        let outputs = [Some(to), self.truth.as_ref()];
+        if outputs.into_iter().flatten().any(|p| is_standard_stream(p)) {
             output.leave_stdout_to_a_file();
         }
         let simulated = self.simulate(scenario, to)?;

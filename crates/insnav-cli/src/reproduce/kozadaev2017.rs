@@ -29,6 +29,21 @@ impl Case {
             Case::RealImu => "real_imu",
         }
     }
+
+    /// What it spans, in words.
+    fn span(self) -> String {
+        let setting = match self {
+            Case::MultiStop => StopSetting::multi_stop(),
+            Case::Stop | Case::RealImu => StopSetting::paper(),
+        };
+        match setting.stops().len() {
+            1 => format!("a stop of {:.0} s", setting.stop_s),
+            n => format!(
+                "{n} stops of {:.0} s with drives between them",
+                setting.stop_s
+            ),
+        }
+    }
 }
 
 /// How much of it.
@@ -293,7 +308,8 @@ impl Experiment {
         };
         Figure {
             title: format!(
-                "Heading error over a stop of 300 s ({}, seed {}, run 1 of {})",
+                "Heading error over {} ({}, seed {}, run 1 of {})",
+                self.case.span(),
                 self.case.name(),
                 self.request.seed,
                 self.request.runs
@@ -441,5 +457,20 @@ fn note(case: Case, variant: StopVariant, quantity: &str) -> Option<&'static str
             Some("ends of the stops after the first, pooled")
         }
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_says_what_it_spans() {
+        assert_eq!(Case::Stop.span(), "a stop of 300 s");
+        assert_eq!(Case::RealImu.span(), "a stop of 300 s");
+        assert_eq!(
+            Case::MultiStop.span(),
+            "4 stops of 300 s with drives between them"
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! What a log holds, on one screen.
 
 use super::{entry, plural, short, some, span};
-use crate::command::{LogReport, RunPreview, TopicReport};
+use crate::command::{LogReport, RunPreview, SeenBy, TopicReport};
 use insnav_log::{Estimate, NoiseReport, Severity};
 
 /// The report of `info`.
@@ -46,6 +46,15 @@ pub(crate) fn log_report(r: &LogReport) -> String {
             irregularities(t)
         ));
     }
+    text.push_str(&format!(
+        "seconds count from {:.3} s Unix time, {}\n",
+        r.zero_unix_s,
+        if r.zero_stated {
+            "as the log's metadata state (t0_ns)"
+        } else {
+            "its first IMU stamp"
+        }
+    ));
     match (&r.run, &r.problem) {
         (Some(run), _) => text.push_str(&preview(run)),
         (None, Some(problem)) => {
@@ -165,19 +174,7 @@ fn preview(run: &RunPreview) -> String {
     if let Some(n) = &run.imu_noise {
         add("noise", noise(n));
     }
-    let stops: Vec<String> = run
-        .stops
-        .iter()
-        .map(|s| format!("{:.1}–{:.1} s", s.begin_s, s.end_s))
-        .collect();
-    add(
-        "stops",
-        if stops.is_empty() {
-            "none by GNSS velocity; a run looks at the inertial data too".into()
-        } else {
-            format!("by GNSS velocity {}", stops.join(", "))
-        },
-    );
+    add("stops", stops(run));
     let source = match (run.imu_grade_picked, &run.imu_noise) {
         (false, _) => "as set",
         (true, Some(_)) => "picked from that noise",
@@ -205,6 +202,43 @@ fn preview(run: &RunPreview) -> String {
         format!("as follows (a file for -c)\n{}", run.config.trim_end()),
     );
     text
+}
+
+/// So many stops of a kind are listed.
+const MOST_STOPS: usize = 20;
+
+/// A line for each witness.
+fn stops(run: &RunPreview) -> String {
+    let kinds = [
+        (SeenBy::Detector, "found by the detector"),
+        (SeenBy::Topic, "declared by the topic"),
+        (SeenBy::Interval, "declared by the settings"),
+        (
+            SeenBy::GnssVelocity,
+            "by GNSS velocity alone, nothing is made of them",
+        ),
+    ];
+    let listed = |(kind, what): (SeenBy, &str)| {
+        let those = run.stops.iter().filter(|s| s.seen_by == kind);
+        let count = those.clone().count();
+        let spans: Vec<String> = those
+            .take(MOST_STOPS)
+            .map(|s| format!("{:.1}–{:.1} s", s.span.begin_s, s.span.end_s))
+            .collect();
+        let more = match count.saturating_sub(MOST_STOPS) {
+            0 => String::new(),
+            n => format!(", and {n} more"),
+        };
+        (count > 0).then(|| format!("{what}: {}{more}", spans.join(", ")))
+    };
+    let mut lines: Vec<String> = kinds.into_iter().filter_map(listed).collect();
+    if let Some(stances) = run.stances.filter(|n| *n > 0) {
+        lines.push(plural(stances, "stance"));
+    }
+    if lines.is_empty() {
+        return "none".into();
+    }
+    lines.join("\n")
 }
 
 fn noise(n: &NoiseReport) -> String {

@@ -159,6 +159,9 @@ fn some_nan_samples_are_left_out_and_counted() {
         warning["message"].as_str().unwrap().contains("12 samples"),
         "{warning}"
     );
+    // The first, and which kind.
+    let message = warning["message"].as_str().unwrap();
+    assert!(message.contains("the first at 5.000 s: "), "{message}");
     assert!(
         json["final"]["sigma_horizontal_m"]
             .as_f64()
@@ -275,11 +278,43 @@ fn wrong_usage_ends_with_two() {
         vec!["compare", "a", "b", "--from", "nan"],
         vec!["compare", "a", "b", "--from", "5", "--to", "4"],
         vec!["convert", "a.csv", "-o", "b.mcap", "--t0", "1e30"],
+        vec!["convert", "a.csv", "-o", "b.mcap", "--t0", "NaN"],
+        vec!["convert", "a.mcap", "-o", "-"],
+        vec!["demo", "--dir", "-"],
+        vec!["run", "x.mcap", "--save-state", "-"],
+        vec!["run", "x.mcap", "--imu-mounting-deg", "yaw=9999"],
     ] {
         insnav_json(&arguments).failed(2, "usage");
         let text = insnav(&arguments);
         assert_eq!((text.code, text.stdout.as_str()), (2, ""), "{arguments:?}");
         assert!(!text.stderr.is_empty());
+    }
+}
+
+/// Whatever sets a number out of its range, the flag and the range are in the message, and it is wrong usage.
+#[test]
+fn a_flag_out_of_range_is_named_with_the_range() {
+    for (flags, range) in [
+        (["--heading-deg", "9999"], "between -360 and 360"),
+        (["--heading-deg", "NaN"], "between -360 and 360"),
+        (["--latitude-deg", "95"], "between -89 and 89"),
+        (["--time-offset", "77"], "between -5 and 5"),
+        (["--set", "output.origin=[95, 0, 0]"], "between -89 and 89"),
+        (
+            ["--set", "output.origin=[59, 500, 0]"],
+            "between -360 and 360",
+        ),
+        (
+            ["--set", "alignment.heading_deg=9999"],
+            "between -360 and 360",
+        ),
+    ] {
+        let done = insnav_json(["run", "x.mcap", "--imu-only"].into_iter().chain(flags));
+        let (message, _) = done.failed(2, "bad_config_value");
+        assert!(
+            message.contains(&flags.join(" ")) && message.contains(range),
+            "{flags:?}: {message}"
+        );
     }
 }
 

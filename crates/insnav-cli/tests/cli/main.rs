@@ -14,6 +14,8 @@ mod real_data;
 mod recover;
 mod reproduce;
 mod run;
+mod settings_table;
+mod several;
 mod simulate;
 mod stationary;
 mod streams;

@@ -88,6 +88,75 @@ fn two_parts_are_one_run_to_the_last_bit() {
     }
 }
 
+/// A stop that the user knows, across the cut: each part is given the intervals of the whole drive.
+#[test]
+fn a_declared_stop_goes_on_in_the_next_part() {
+    let folder = Folder::with_drive();
+    cut(&folder, 12.0);
+    let known = [
+        "--stop",
+        "5:20,100:110",
+        "--set",
+        "stationary.detector=none",
+    ];
+    let settings = complete_settings(&folder, &known);
+    let state = folder.text("run.state");
+    // The interval beyond the first part's end is for the second: no warning.
+    let same = ["-c", settings.as_str(), "--stop", "5:20,100:110"];
+    let whole = run(&folder, "drive.mcap", "whole.mcap", &same);
+    let saving = [&same[..], &["--save-state", &state]].concat();
+    let first = run(&folder, "a.mcap", "a.out.mcap", &saving);
+    let resuming = [&same[..], &["--resume", &state]].concat();
+    let second = run(&folder, "b.mcap", "b.out.mcap", &resuming);
+    assert_eq!(second["stops"], whole["stops"]);
+    assert!((whole["stops"][0]["end_s"].as_f64().unwrap() - 20.0).abs() < 0.02);
+    let told = |report: &serde_json::Value| report["warnings"].to_string();
+    for report in [&first, &second] {
+        assert!(!told(report).contains("stop_outside"), "{}", told(report));
+    }
+    // Other intervals than the first part had are refused, with what to do and the file.
+    let log = folder.text("b.mcap");
+    let other = insnav_json([
+        "run",
+        &log,
+        "-c",
+        &settings,
+        "--stop",
+        "5:20,100:110,112:115",
+        "--resume",
+        &state,
+        "-o",
+        &folder.text("x.mcap"),
+    ]);
+    let (message, remedy) = other.failed(1, "state_settings");
+    assert!(
+        message.contains(&state) && message.contains("stationary.intervals_s"),
+        "{message}"
+    );
+    assert!(remedy.contains("zero of its first part"), "{remedy}");
+    // The last part: what is beyond it is beyond all.
+    let late = [
+        "--stop",
+        "5:20,500:600",
+        "--set",
+        "stationary.detector=none",
+    ];
+    run(
+        &folder,
+        "a.mcap",
+        "a.out.mcap",
+        &[&late[..], &["--save-state", &state, "--force"]].concat(),
+    );
+    let last = run(
+        &folder,
+        "b.mcap",
+        "b.out.mcap",
+        &[&late[..], &["--resume", &state, "--force"]].concat(),
+    );
+    assert!(told(&last).contains("500:600"), "{}", told(&last));
+    assert!(!told(&last).contains("5:20 s"), "{}", told(&last));
+}
+
 /// A real car, cut in the middle of a turn, with the clocks found in the first part.
 #[test]
 fn a_real_drive_in_two_parts() {
@@ -170,7 +239,7 @@ fn a_state_is_refused_where_it_does_not_fit() {
         insnav_json(arguments)
     };
     let (message, _) = resume(&state, &["--set", "gnss.sigma_scale=2"]).failed(1, "state_settings");
-    for part in ["gnss.sigma_scale", "auto", "2.0"] {
+    for part in ["gnss.sigma_scale", "auto", "2.0", &state] {
         assert!(message.contains(part), "{message}");
     }
     let (message, _) = resume(&state, &["--imu-axes", "frd"]).failed(1, "state_settings");

@@ -79,6 +79,10 @@ fn names_are_those_of_the_contract_whatever_the_number_of_threads_and_the_figure
     for name in ["basic", "paper_exact", "static"] {
         assert!(svg.contains(&format!(">{name}<")), "{name}");
     }
+    assert!(
+        svg.contains(">Heading error over a stop of 300 s ("),
+        "its title"
+    );
     // Two lines in one panel, four in the other, each with its band.
     assert_eq!(svg.matches("fill-opacity").count(), 6);
 
@@ -102,6 +106,15 @@ fn what_cannot_be_done_is_said() {
     insnav_json(both).failed(2, "usage");
     insnav_json(["reproduce", "kozadaev2017", "--runs", "1"]).failed(2, "usage");
     insnav_json(["reproduce", "kozadaev2018"]).failed(2, "usage");
+    let png = folder.text("heading.png");
+    let (message, remedy) =
+        insnav_json(["reproduce", "kozadaev2017", "--plot", &png]).failed(2, "usage");
+    assert!(
+        message.contains("heading.png: the drawing is SVG"),
+        "{message}"
+    );
+    assert!(remedy.contains("heading.svg"), "{remedy}");
+    assert_eq!(folder.names(), [""; 0], "nothing was begun");
     let help = insnav(["reproduce", "kozadaev2017", "--help"]);
     assert!(help.stdout.contains("--imu") && help.stdout.contains("--multi-stop"));
 

@@ -1,7 +1,8 @@
 //! Stops: declared by the user, by a topic, found; and what may be wrong with that.
 
-use crate::fixture::{Folder, drive, insnav, insnav_json, write_log};
+use crate::fixture::{Folder, drive, insnav, insnav_json, lever_arm, write_log, write_log_with};
 use insnav_core::sample::{Sample, Speed, Standstill};
+use insnav_log::LogWriterOptions;
 use serde_json::Value;
 
 fn run(folder: &Folder, log: &str, more: &[&str]) -> Value {
@@ -177,6 +178,18 @@ fn intervals_that_cannot_be_are_refused_with_the_place() {
     assert!(remedy.contains("shorter"));
     let (message, _) = run(&["--stationary", "hold"]).failed(2, "usage");
     assert!(message.contains("heading_hold"), "{message}");
+    // Every name is in the message, and the nearest is the remedy, wherever the value comes from.
+    let (message, remedy) = run(&["--stationary", "zup"]).failed(2, "usage");
+    assert!(
+        message.contains("auto, off, zupt, zihr") && remedy.contains("zupt"),
+        "{message} {remedy}"
+    );
+    let set = run(&["--set", "stationary.mode=zup"]);
+    let (message, remedy) = set.failed(2, "bad_config_value");
+    assert!(
+        message.contains("auto, off, zupt, zihr") && remedy.contains("`zupt`"),
+        "{message} {remedy}"
+    );
     assert_eq!(
         folder.names(),
         ["car.toml", "drive.mcap"],
@@ -345,4 +358,176 @@ fn standing_adds_nothing_to_the_way() {
     let way = number(&report, "distance_m");
     // Noise of the velocity under way, 0.03 m/s, adds its square over twice the speed; the start from standstill the rest.
     assert!((way - truth).abs() < 0.5, "{way} of {truth}");
+}
+
+/// Seconds of `--stop` count from the zero that `info` prints: here that of the metadata, with stamps of the header or of the
+/// recorder, and in Unix time only to be told so.
+#[test]
+fn stops_count_from_the_zero_that_info_prints() {
+    let folder = Folder::new();
+    let first = drive().samples[0].time();
+    let options = LogWriterOptions {
+        t0: Some(first.plus(-100.0)),
+        ..lever_arm()
+    };
+    write_log_with(&folder.path("stated.mcap"), &drive().samples, options);
+    write_log(&folder.path("plain.mcap"), &drive().samples);
+    let alone = ["--set", "stationary.detector=none"];
+    for (log, zero, stated) in [
+        ("stated.mcap", first.seconds() - 100.0, true),
+        ("plain.mcap", first.seconds(), false),
+    ] {
+        let told = insnav_json(["info", &folder.text(log)]).json();
+        assert!((number(&told, "zero_unix_s") - zero).abs() < 1e-3, "{log}");
+        assert_eq!(told["zero_stated"], stated, "{log}");
+        let text = insnav(["info", &folder.text(log)]).stdout;
+        assert!(
+            text.contains(&format!("seconds count from {zero:.3} s")),
+            "{text}"
+        );
+        let shift = first.seconds() - zero;
+        let known = format!("{}:{}", shift + 5.0, shift + 20.0);
+        for clock in ["header", "log"] {
+            let flags = ["--stop", &known, "--time", clock];
+            let report = run(&folder, log, &[&flags[..], &alone].concat());
+            let [stop] = &stops(&report)[..] else {
+                panic!("one stop: {:#}", report["stops"]);
+            };
+            assert!(
+                (number(stop, "begin_s") - shift - 5.0).abs() < 0.02,
+                "{stop:#}"
+            );
+        }
+        // In Unix time: not used, and the remedy is what to give instead.
+        let absolute = format!("{}:{}", first.seconds() + 5.0, first.seconds() + 20.0);
+        let report = run(&folder, log, &[&["--stop", &absolute][..], &alone].concat());
+        let all = report["warnings"].as_array().unwrap();
+        let outside = all.iter().find(|w| w["code"] == "stop_outside");
+        let remedy = outside.expect("a warning")["remedy"].as_str().unwrap();
+        let instead = format!("give {:.3}:{:.3}", shift + 5.0, shift + 20.0);
+        assert!(remedy.contains(&instead), "{remedy}");
+    }
+}
+
+/// Those of the file and of the flag are both used; what is in both is one, and what overlaps is refused with both places.
+#[test]
+fn stops_of_the_flag_are_added_to_those_of_the_settings() {
+    let folder = Folder::with_drive();
+    let file = folder.path("car.toml");
+    std::fs::write(
+        &file,
+        "[stationary]\nintervals_s = [[12, 20]]\ndetector = \"none\"\n",
+    )
+    .unwrap();
+    let config = folder.text("car.toml");
+    let begins = |more: &[&str]| -> Vec<f64> {
+        let report = run(
+            &folder,
+            "drive.mcap",
+            &[&["-c", config.as_str()], more].concat(),
+        );
+        let rounded = |s: &Value| number(s, "begin_s").round();
+        stops(&report).iter().map(rounded).collect()
+    };
+    assert_eq!(begins(&["--stop", "4:8"]), [4.0, 12.0]);
+    assert_eq!(begins(&["--stop", "12:20,4:8"]), [4.0, 12.0]);
+    assert_eq!(begins(&["--stop", "8:12"]), [8.0, 12.0]);
+    let log = folder.text("drive.mcap");
+    for (more, place) in [
+        (vec![], "stationary.intervals_s in "),
+        (
+            vec!["--set", "stationary.intervals_s=[[15, 22]]"],
+            "--set stationary.intervals_s",
+        ),
+    ] {
+        let mut arguments = vec!["run", &log, "-c", &config, "--stop", "16:25"];
+        arguments.extend(more);
+        let (message, _) = insnav_json(arguments).failed(2, "bad_config_value");
+        assert!(
+            message.contains("--stop 16:25 overlaps") && message.contains(place),
+            "{message}"
+        );
+    }
+}
+
+/// Wheels that say NaN now and then, and infinity once.
+#[test]
+fn speeds_that_are_no_numbers_are_counted_with_topic_and_time() {
+    let folder = Folder::new();
+    let zero = drive().trajectory.start();
+    let speeds = (0..1200).map(|i| {
+        let time = zero.plus(0.1 * f64::from(i));
+        let speed = match i {
+            700 => f64::INFINITY,
+            400.. if i % 100 == 0 => f64::NAN,
+            _ => drive().truth_at(time).nav.velocity_n.norm(),
+        };
+        Sample::Speed(Speed { time, speed })
+    });
+    write_with(&folder, "drive.mcap", speeds);
+    let by_topic = ["--topic", "standing=/vehicle/speed"];
+    let report = run(&folder, "drive.mcap", &by_topic);
+    let message = warning(&report, "speed_not_finite").expect("a warning");
+    for part in ["/vehicle/speed", "8 of 1200", "40.0"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    let log = folder.text("drive.mcap");
+    let told = insnav_json([&["info", log.as_str()][..], &by_topic].concat()).json();
+    assert_eq!(warning(&told, "speed_not_finite"), Some(message));
+}
+
+/// `info` tells what a run would find and be told of, and by whom.
+#[test]
+fn info_lists_stops_with_their_witness() {
+    let folder = Folder::new();
+    let says = [(0.1, false), (5.0, true), (12.0, false)];
+    write_with(&folder, "drive.mcap", standstills(&says));
+    let log = folder.text("drive.mcap");
+    let told = |more: &[&str]| {
+        let done = insnav_json([&["info", log.as_str()][..], more].concat());
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        let stops = done.json()["run"]["stops"].as_array().unwrap().clone();
+        let row = |s: &Value| {
+            let by = s["seen_by"].as_str().unwrap().to_owned();
+            (by, number(s, "begin_s").round(), number(s, "end_s").round())
+        };
+        stops.iter().map(row).collect::<Vec<_>>()
+    };
+    let report = run(&folder, "drive.mcap", &[]);
+    let found: Vec<_> = stops(&report)
+        .iter()
+        .map(|s| {
+            (
+                "detector".to_owned(),
+                number(s, "begin_s").round(),
+                number(s, "end_s").round(),
+            )
+        })
+        .collect();
+    assert!(!found.is_empty());
+    assert_eq!(told(&[]), found);
+    let topic = ["--topic", "standing=/vehicle/standing"];
+    let declared = ["--set", "stationary.detector=none"];
+    let settings = ["--set", "stationary.intervals_s=[[14, 20]]"];
+    let of = |by: &str, begin, end| (by.to_owned(), begin, end);
+    assert_eq!(
+        told(&[&topic[..], &declared, &settings].concat()),
+        [
+            of("topic", 5.0, 12.0),
+            of("interval", 14.0, 20.0),
+            // Of this one nobody told the run, and it does not look.
+            of("gnss_velocity", 70.0, 98.0)
+        ]
+    );
+    // Nobody declares and nobody looks: GNSS velocity alone.
+    let alone = told(&declared);
+    assert!(
+        !alone.is_empty() && alone.iter().all(|(by, ..)| by == "gnss_velocity"),
+        "{alone:?}"
+    );
+    let text = insnav(["info", &log, "--topic", "standing=/vehicle/standing"]).stdout;
+    assert!(
+        text.contains("found by the detector") || text.contains("declared by the topic"),
+        "{text}"
+    );
 }

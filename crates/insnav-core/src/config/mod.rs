@@ -124,8 +124,8 @@ impl Config {
         check(
             "alignment.heading_deg",
             alignment.heading_deg,
-            |_| true,
-            "finite",
+            |x| x.abs() <= 360.0,
+            "between -360 and 360",
         )?;
         positive("alignment.heading_sigma_deg", alignment.heading_sigma_deg)?;
         // North is what a solution is made of, and at the poles there is none.
@@ -154,7 +154,20 @@ impl Config {
         stationary.validate()?;
         not_negative("output.rate_hz", output.rate_hz)?;
         finite("output.lever_arm_b_m", output.lever_arm_b_m)?;
-        finite("output.origin", output.origin.unwrap_or_default())
+        let [latitude, longitude, height] = output.origin.unwrap_or_default();
+        check(
+            "output.origin",
+            Some(latitude),
+            |x| x.abs() <= 89.0,
+            "a latitude between -89 and 89 first",
+        )?;
+        check(
+            "output.origin",
+            Some(longitude),
+            |x| x.abs() <= 360.0,
+            "a longitude between -360 and 360 in the middle",
+        )?;
+        check("output.origin", Some(height), |_| true, "finite")
     }
 }
 

@@ -42,6 +42,24 @@ impl Unusable {
     }
 }
 
+/// What to do about measurements of a kind that do not fit.
+fn remedy_of_refused(name: &str, scale_key: &str) -> String {
+    match name {
+        "gnss_position" | "gnss_velocity" => format!(
+            "check lever arm and clocks with `insnav info`; if they scatter by more than they state, give `--set {scale_key}=auto` or a \
+             factor"
+        ),
+        "heading" => "check unit, zero and sigma of the topic that gives it, or leave it out (`--topic heading=none`)".into(),
+        "nonholonomic" => {
+            "the vehicle slips, or moves where it does not point: leave the constraint out (`--set vehicle.nonholonomic=off`)".into()
+        }
+        // All others are told while the body is held to stand.
+        _ => "the body moves in what is taken for a stop: check what declares it (`--stop`, the topic of standing), make the detector \
+              stricter (`--set stationary.threshold_scale=1`), or use no stops (`--stationary off`)"
+            .into(),
+    }
+}
+
 /// Refusals, wrong sigmas, and positions that the filter went over to.
 pub(super) fn doubts(
     aiding: &[AidingReport],
@@ -58,33 +76,37 @@ pub(super) fn doubts(
     };
     for aid in aiding {
         let all = aid.count();
-        if all < ENOUGH {
-            continue;
-        }
         let (key, scale) = match aid.name.as_str() {
             "gnss_position" => ("gnss.sigma_scale", Some(&scales[0])),
             "gnss_velocity" => ("gnss.velocity_sigma_scale", Some(&scales[1])),
             _ => ("", None),
         };
         let share = |n: usize| n as f64 > MANY * all as f64;
-        if share(aid.rejected + aid.inflated) {
-            let widen = if scale.is_some() {
-                format!(
-                    "; if they scatter by more than they state, give `--set {key}=auto` or a factor"
-                )
-            } else {
-                String::new()
-            };
+        let enough = all >= ENOUGH;
+        if enough && share(aid.rejected + aid.inflated) {
             warn(
                 "many_rejected",
                 format!(
                     "of {all} {} measurements {} were refused and {} used with a widened covariance",
                     aid.name, aid.rejected, aid.inflated
                 ),
-                format!("check lever arm and clocks with `insnav info`{widen}"),
+                remedy_of_refused(&aid.name, key),
             );
         }
-        if share(aid.frozen) {
+        if let Some(row) = &aid.misfit {
+            warn(
+                "diverged",
+                format!(
+                    "from {:.1} to {:.1} s the solution and {} measurements cannot both be true: {} in a row with NIS/dof of 20 or more",
+                    row.begin_s, row.end_s, aid.name, row.count
+                ),
+                format!(
+                    "do not use the solution there without knowing which is wrong: {}",
+                    remedy_of_refused(&aid.name, key)
+                ),
+            );
+        }
+        if enough && share(aid.frozen) {
             warn(
                 "frozen_position",
                 format!(
@@ -94,7 +116,7 @@ pub(super) fn doubts(
                 "let the driver publish new fixes only".into(),
             );
         }
-        let (Some(nis), Some(scale)) = (aid.nis_mean, scale) else {
+        let (Some(nis), Some(scale), true) = (aid.nis_mean, scale, enough) else {
             continue;
         };
         // A learnt scale says what was found; the mean over the run has its learning in it.
@@ -146,6 +168,7 @@ pub(super) fn doubts(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::report::MisfitReport;
 
     fn aid(used: usize, rejected: usize, nis: f64) -> AidingReport {
         AidingReport {
@@ -157,6 +180,7 @@ mod tests {
             reset: 0,
             frozen: 0,
             nis_mean: Some(nis),
+            misfit: None,
         }
     }
 
@@ -194,6 +218,70 @@ mod tests {
         assert!(
             told[0].remedy.contains("gnss.sigma_scale=auto") && told[0].remedy.contains("0.20")
         );
+    }
+
+    #[test]
+    fn measurements_with_a_widened_covariance_count_as_those_that_do_not_fit() {
+        let widened = AidingReport {
+            inflated: 60,
+            ..aid(1000, 0, 1.0)
+        };
+        assert_eq!(codes(widened, false), ["many_rejected"]);
+    }
+
+    #[test]
+    fn a_remedy_names_what_the_kind_of_measurement_depends_on() {
+        let scale = ScaleReport {
+            horizontal: 1.0,
+            vertical: 1.0,
+            learnt: true,
+        };
+        let remedy = |name: &str| {
+            let refused = AidingReport {
+                name: name.into(),
+                ..aid(100, 100, 1.0)
+            };
+            let told = doubts(&[refused], &[], &[scale; 2]);
+            assert_eq!(told.len(), 1, "{told:?}");
+            told[0].remedy.clone()
+        };
+        assert!(remedy("gnss_velocity").contains("gnss.velocity_sigma_scale"));
+        for (name, flag) in [
+            ("heading", "--topic heading=none"),
+            ("nonholonomic", "vehicle.nonholonomic=off"),
+            ("zero_velocity", "--stationary off"),
+            ("standing_rate", "--stationary off"),
+        ] {
+            let remedy = remedy(name);
+            assert!(
+                remedy.contains(flag) && !remedy.contains("lever arm"),
+                "{name}: {remedy}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_row_that_cannot_be_is_told_with_its_ends() {
+        let mut long = aid(10, 12, 1.0);
+        long.misfit = Some(MisfitReport {
+            begin_s: 12.0,
+            end_s: 24.04,
+            count: 12,
+        });
+        let scale = ScaleReport {
+            horizontal: 1.0,
+            vertical: 1.0,
+            learnt: true,
+        };
+        let told = doubts(&[long], &[], &[scale; 2]);
+        assert_eq!(told[0].code, "diverged");
+        for part in ["12.0 to 24.0 s", "gnss_position", "12 in a row"] {
+            assert!(
+                told[0].message.contains(part),
+                "{part}: {}",
+                told[0].message
+            );
+        }
     }
 
     #[test]

@@ -102,6 +102,17 @@ pub enum RunError {
     },
 }
 
+/// What a start lacks, by what the core says of it.
+fn remedy_of_no_start(missing: &str) -> &'static str {
+    if missing.contains("rest") {
+        "let the recording begin with two seconds or more without any motion"
+    } else if missing.contains("position") {
+        "check with `insnav info` what the receiver says about its fixes, or navigate without them, from rest: `--imu-only`"
+    } else {
+        "check with `insnav info` that the IMU topic has messages"
+    }
+}
+
 fn more(others: usize) -> String {
     match others {
         0 => String::new(),
@@ -145,13 +156,17 @@ impl RunError {
             RunError::Navigator(CoreError::ImuBackward { .. }) => {
                 "the IMU's clock jumped: cut the log there, or use the recorder's clock with `--time log`".into()
             }
-            RunError::Navigator(CoreError::NotStarted { .. }) => {
-                "give the heading at the first sample with `--heading-deg`, or a log with more driving".into()
-            }
+            RunError::Navigator(CoreError::NotStarted { missing }) => remedy_of_no_start(missing).into(),
             RunError::Navigator(CoreError::Config { .. }) => "change it in the config file or with `--set`".into(),
-            RunError::Navigator(CoreError::NotObservable { .. }) => {
-                "give the value yourself, for example `--time-offset 0`".into()
+            RunError::Navigator(CoreError::NotObservable { what, .. }) => match *what {
+                "the IMU's clock offset" => "give it yourself: `--time-offset`, in seconds".into(),
+                "the lag of GNSS velocity" => "give it yourself: `--set gnss.velocity_lag_s=…`".into(),
+                _ => "give a longer recording".into(),
+            },
+            RunError::Navigator(CoreError::Capacity { .. }) => {
+                "leave one of the optional states out: scale factors, lever arm, clock offset, colour of GNSS, or the wheels' constraint".into()
             }
+            RunError::Navigator(CoreError::NotFinite { .. }) => "check the driver that gives it".into(),
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
             RunError::Unusable { finding, .. } => finding.remedy.clone(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
@@ -168,5 +183,29 @@ impl RunError {
             RunError::WindowTooLong { .. } => "give a shorter one, a few seconds at most, or none".into(),
             RunError::ImuNotFinite { .. } => "check the driver: the navigator cannot run without inertial data".into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn remedies_fit_what_is_missing() {
+        let remedy = |error: CoreError| RunError::Navigator(error).remedy();
+        let no_start = |missing| remedy(CoreError::NotStarted { missing });
+        assert!(
+            no_start("the inertial data do not begin with a second of rest")
+                .contains("without any motion")
+        );
+        assert!(no_start("no valid GNSS position").contains("--imu-only"));
+        assert!(no_start("no inertial sample").contains("IMU topic"));
+        let unknown = |what| {
+            let reason = "";
+            remedy(CoreError::NotObservable { what, reason })
+        };
+        assert!(unknown("the IMU's clock offset").contains("--time-offset"));
+        assert!(unknown("the lag of GNSS velocity").contains("velocity_lag_s"));
+        assert!(!unknown("the errors over the stops").contains("--time-offset"));
     }
 }

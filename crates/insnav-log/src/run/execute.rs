@@ -16,6 +16,7 @@ use insnav_core::config::{SigmaScale, VehicleKind};
 use insnav_core::error::Error as CoreError;
 use insnav_core::navigator::Navigator;
 use insnav_core::sample::Sample;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Above this standard deviation of the heading at the end (degrees) the user is told that it is not known.
@@ -103,6 +104,7 @@ impl Plan {
                 wheels: self.wheels,
                 mounting: self.mounting.clone(),
                 reader: samples.state(),
+                path: PathBuf::new(),
                 navigator: navigator.clone(),
                 totals: tally.totals.clone(),
                 sink: tally.sink().state(),
@@ -281,8 +283,8 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
         warn(
             "not_finite",
             format!(
-                "{} samples with NaN or infinity in them were not used",
-                e.not_finite
+                "{} samples with NaN or infinity in them were not used, the first at {:.3} s: {}",
+                e.not_finite, e.first_not_finite_s, tally.totals.first_not_finite
             ),
             "check the driver",
         );

@@ -7,7 +7,9 @@ use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
 use super::report::{ImuOnlyReport, Warning};
 use super::saved::SavedRun;
 use super::source::Source;
-use super::standing::{check_mode, check_window, known_standing, outside, state_noise_at_rest};
+use super::standing::{
+    check_mode, check_window, known_standing, outside, speeds_not_finite, state_noise_at_rest,
+};
 use super::survey::Survey;
 use super::wheels::{decide, watch};
 use super::withhold::{Withhold, Withholding};
@@ -39,6 +41,8 @@ pub struct RunOptions {
     pub withhold: Withhold,
     /// Begin at a known state instead of looking for one in the data. A later part of a drive has begun already.
     pub start: Option<KnownStart>,
+    /// Another part of the drive follows: what is declared beyond the end of this one is meant for that.
+    pub more_follows: bool,
 }
 
 /// A run about to begin.
@@ -111,6 +115,9 @@ impl Plan {
         warnings.extend(findings::warnings(&findings));
         warnings.extend(late_fixes(&survey));
         warnings.extend(check_mode(&config));
+        let standing_topic = source.standing_topic();
+        let told = speeds_not_finite(&survey, standing_topic.as_deref(), origin);
+        warnings.extend(told);
 
         let grade_picked = config.imu.grade.is_none();
         // A log of a few seconds tells nothing: the worst class is then the honest one.
@@ -150,7 +157,7 @@ impl Plan {
             origin,
             grade,
             grade_picked,
-            standing_topic: source.standing_topic(),
+            standing_topic,
             mounting,
             clocks: Clocks::default(),
             wheels: None,
@@ -191,7 +198,8 @@ impl Plan {
             plan.warnings.extend(told);
         }
         let offset = plan.config.gnss.time_offset_s;
-        let told = outside(&plan.config, origin, (first.plus(offset), end.plus(offset)));
+        let span = (first.plus(offset), end.plus(offset));
+        let told = outside(&plan.config, origin, span, options.more_follows);
         plan.warnings.extend(told);
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
@@ -207,7 +215,7 @@ impl Plan {
         let config = saved.complete_config()?;
         let mut survey = Survey::of(source)?;
         let gnss_in_arrays = !config.gnss.used && survey.forget_gnss();
-        survey.imu_span.ok_or(RunError::NoImu)?;
+        let (_, end) = survey.imu_span.ok_or(RunError::NoImu)?;
         let facts = source.facts()?;
         // What the motion shows was judged with the first part.
         let findings = findings::of_topics(&facts, saved.origin);
@@ -215,12 +223,19 @@ impl Plan {
         let mut warnings: Vec<Warning> = facts.recovered.into_iter().collect();
         warnings.extend(findings::warnings(&findings));
         warnings.extend(late_fixes(&survey));
+        let standing_topic = source.standing_topic();
+        let told = speeds_not_finite(&survey, standing_topic.as_deref(), saved.origin);
+        warnings.extend(told);
+        // What lies before this part was for the parts before it.
+        let span = (saved.origin, end.plus(config.gnss.time_offset_s));
+        let told = outside(&config, saved.origin, span, options.more_follows);
+        warnings.extend(told);
         Ok(Plan {
             config,
             origin: saved.origin,
             grade: saved.grade,
             grade_picked: saved.grade_picked,
-            standing_topic: source.standing_topic(),
+            standing_topic,
             mounting: saved.mounting.clone(),
             clocks: saved.clocks,
             wheels: saved.wheels,

@@ -209,6 +209,20 @@ pub struct AidingReport {
     /// Mean normalised innovation squared per component of those that were used as they stood: 1 when the noise is right. With
     /// the gate at 1e-4 it cannot exceed 4.2 by much; then many are refused.
     pub nis_mean: Option<f64>,
+    /// The longest stretch in which they cannot be true if the solution is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<MisfitReport>,
+}
+
+/// A stretch of ten seconds or more in which every measurement of a kind has a NIS of 20 per component, or more.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MisfitReport {
+    /// Begin, s.
+    pub begin_s: f64,
+    /// End, s.
+    pub end_s: f64,
+    /// How many there are.
+    pub count: usize,
 }
 
 impl AidingReport {

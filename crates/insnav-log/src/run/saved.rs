@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// First bytes of a file.
 const MAGIC: &[u8; 16] = b"insnav run state";
 /// Changes with every change of what follows.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Magic, version, program, settings, length.
 const HEADER: usize = 16 + 4 + 4 + 4 + 8;
 
@@ -49,6 +49,9 @@ pub struct SavedRun {
     /// The mounting that the first part's transforms gave.
     pub(super) mounting: Option<Mounting>,
     pub(super) reader: ReaderState,
+    /// Where it was read from.
+    #[serde(skip)]
+    pub(super) path: PathBuf,
     pub(super) navigator: Navigator,
     pub(super) totals: Totals,
     pub(super) sink: Option<SinkState>,
@@ -114,12 +117,18 @@ impl StateError {
             StateError::Version { .. } | StateError::Damaged { .. } => {
                 "run the part before again with `--save-state`".into()
             }
+            StateError::Settings { what, .. } if what == INTERVALS => {
+                "give every part the intervals of the whole drive, in seconds from the zero of its first part".into()
+            }
             StateError::Settings { .. } => {
                 "give the same flags and config as to the part before".into()
             }
         }
     }
 }
+
+/// Intervals are the one setting that one would like to change from part to part.
+const INTERVALS: &str = "stationary.intervals_s";
 
 /// Tells programs apart whose navigators begin with other contents: their saved bytes do not mean the same.
 fn fingerprint() -> u32 {
@@ -200,10 +209,12 @@ impl SavedRun {
         if stored != crc32fast::hash(&bytes[..end]) {
             return Err(damaged("its checksum does not match"));
         }
-        let run: SavedRun = postcard::from_bytes(payload).map_err(|e| damaged(&format!("{e}")))?;
+        let mut run: SavedRun =
+            postcard::from_bytes(payload).map_err(|e| damaged(&format!("{e}")))?;
         if settings != crc32fast::hash(run.given.as_bytes()) {
             return Err(damaged("its settings are not those of its header"));
         }
+        run.path = path;
         Ok(run)
     }
 
@@ -224,9 +235,8 @@ impl SavedRun {
         source: &(impl Source + ?Sized),
         withhold: &str,
     ) -> Result<(), StateError> {
-        // Its file's name is the caller's matter: the message has it in front.
         let differs = |what: &str, saved: &str, now: &str| StateError::Settings {
-            path: PathBuf::from("saved run"),
+            path: self.path.clone(),
             what: what.into(),
             saved: saved.into(),
             now: now.into(),
@@ -260,7 +270,8 @@ impl SavedRun {
 
     /// The settings as they were completed.
     pub(super) fn complete_config(&self) -> Result<Config, RunError> {
-        Ok(parse_config(&self.config, "saved run", &[])?)
+        let origin = self.path.display().to_string();
+        Ok(parse_config(&self.config, &origin, &[])?)
     }
 }
 

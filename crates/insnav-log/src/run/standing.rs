@@ -86,9 +86,17 @@ pub(super) fn check_mode(config: &Config) -> Option<Warning> {
     })
 }
 
-/// Declared intervals that the inertial data do not cover: `span` is theirs, on the solution's clock.
-pub(super) fn outside(config: &Config, origin: Time, span: (Time, Time)) -> Option<Warning> {
+/// Declared intervals that the inertial data do not cover: `span` is theirs, on the solution's clock. When more parts of the
+/// drive follow, what is later may lie in them.
+pub(super) fn outside(
+    config: &Config,
+    origin: Time,
+    span: (Time, Time),
+    more_follows: bool,
+) -> Option<Warning> {
     let (begin, end) = (span.0.since(origin), span.1.since(origin));
+    let known = end;
+    let end = if more_follows { f64::INFINITY } else { end };
     let listed = |of: &dyn Fn(f64, f64) -> bool| {
         let all = config.stationary.intervals_s.as_slice().iter();
         let those = all.filter(|[a, b]| of(*a, *b));
@@ -114,10 +122,53 @@ pub(super) fn outside(config: &Config, origin: Time, span: (Time, Time)) -> Opti
     (!told.is_empty()).then(|| Warning {
         code: "stop_outside",
         message: format!(
-            "declared standing: {}; the data last from {begin:.1} to {end:.1} s",
+            "declared standing: {}; the data last from {begin:.1} to {known:.1} s",
             told.join("; ")
         ),
-        remedy: "intervals count in seconds from the log's zero (`t0` of `insnav info`); check them (`--stop`, stationary.intervals_s)".into(),
+        remedy: match since_the_zero(config, origin, (begin, end)) {
+            Some(list) => format!(
+                "intervals count in seconds from the log's zero, which is {:.3} s in Unix time: give {list}",
+                origin.seconds()
+            ),
+            None => "intervals count in seconds from the log's zero, which `insnav info` prints; check them (`--stop`, \
+                     stationary.intervals_s)"
+                .into(),
+        },
+    })
+}
+
+/// Intervals that lie in the data when they are taken as Unix times, as they are to be given.
+fn since_the_zero(config: &Config, origin: Time, (begin, end): (f64, f64)) -> Option<String> {
+    let shifted = config
+        .stationary
+        .intervals_s
+        .as_slice()
+        .iter()
+        .map(|i| i.map(|t| t - origin.seconds()))
+        .filter(|[a, b]| *b > begin && *a < end)
+        .map(|[a, b]| format!("{a:.3}:{b:.3}"));
+    let list = shifted.collect::<Vec<String>>().join(",");
+    (origin.seconds() != 0.0 && !list.is_empty()).then_some(list)
+}
+
+/// Speeds of wheels that say nothing.
+pub(super) fn speeds_not_finite(
+    survey: &Survey,
+    topic: Option<&str>,
+    origin: Time,
+) -> Option<Warning> {
+    let first = survey.first_speed_not_finite?.since(origin);
+    let bad = survey.speeds_not_finite;
+    let all = bad + survey.speeds as u64;
+    let topic = topic.unwrap_or("the topic of standing");
+    Some(Warning {
+        code: "speed_not_finite",
+        message: format!(
+            "{topic}: {bad} of {all} speeds are NaN or infinite and were not used, the first at {first:.3} s"
+        ),
+        remedy:
+            "check the driver of the wheels, or leave the topic out with `--topic standing=none`"
+                .into(),
     })
 }
 
@@ -192,7 +243,7 @@ mod tests {
         let judge = |config: &mut Config, list: &[[f64; 2]]| {
             config.stationary.intervals_s = Intervals::new(list).unwrap();
             let at = Time::from_seconds;
-            outside(config, at(100.0), (at(100.01), at(400.0))).map(|w| w.message)
+            outside(config, at(100.0), (at(100.01), at(400.0)), false).map(|w| w.message)
         };
         assert_eq!(judge(&mut config, &[[0.0, 300.5]]), None);
         let told = judge(&mut config, &[[10.0, 20.0], [250.0, 310.0]]).unwrap();
@@ -206,6 +257,38 @@ mod tests {
         assert!(
             told.contains("400:500 s lies outside") && !told.contains("partly"),
             "{told}"
+        );
+    }
+
+    #[test]
+    fn unix_times_come_back_as_seconds_from_the_zero() {
+        let mut config = Config::default();
+        let zero = Time::from_seconds(1.6e9);
+        config.stationary.intervals_s = Intervals::new(&[[1.6e9 + 40.0, 1.6e9 + 200.5]]).unwrap();
+        let told = outside(&config, zero, (zero, zero.plus(300.0)), false).expect("a warning");
+        assert!(
+            told.remedy.contains("1600000000.000") && told.remedy.ends_with("give 40.000:200.500"),
+            "{told:?}"
+        );
+        config.stationary.intervals_s = Intervals::new(&[[400.0, 500.0]]).unwrap();
+        let span = (zero, zero.plus(300.0));
+        let told = outside(&config, zero, span, false).expect("a warning");
+        assert!(told.remedy.contains("insnav info"), "{told:?}");
+        assert_eq!(outside(&config, zero, span, true), None, "another part");
+    }
+
+    #[test]
+    fn speeds_that_say_nothing_are_counted_with_topic_and_time() {
+        let mut survey = Survey::default();
+        let zero = Time::from_seconds(100.0);
+        assert_eq!(speeds_not_finite(&survey, Some("/wheels"), zero), None);
+        survey.speeds = 7;
+        survey.speeds_not_finite = 3;
+        survey.first_speed_not_finite = Some(zero.plus(12.5));
+        let told = speeds_not_finite(&survey, Some("/wheels"), zero).expect("a warning");
+        assert!(
+            told.message.starts_with("/wheels: 3 of 10") && told.message.ends_with("12.500 s"),
+            "{told:?}"
         );
     }
 

@@ -24,6 +24,10 @@ pub struct Survey {
     pub standstills: usize,
     /// Speeds of wheels.
     pub speeds: usize,
+    /// Speeds of wheels that are NaN or infinite, which nobody gets to see.
+    pub speeds_not_finite: u64,
+    /// When the first of them was.
+    pub first_speed_not_finite: Option<Time>,
     /// Stops, by GNSS speed below 0.1 m/s; none without GNSS velocity.
     pub stops: Vec<Stop>,
     /// Noise of the inertial unit while it is quietest; `None` on logs of a few seconds.
@@ -67,7 +71,11 @@ impl Survey {
                 Sample::Heading(_) => {}
             }
         }
-        survey.late = samples.state().dropped_late();
+        let state = samples.state();
+        let counts = state.counts();
+        survey.late = counts.dropped_late;
+        survey.speeds_not_finite = counts.dropped_speed_not_finite;
+        survey.first_speed_not_finite = counts.first_speed_not_finite;
         survey.noise_floor = meter.floor().ok();
         survey.positions.sort_by_key(|p| p.time);
         survey.velocities.sort_by_key(|v| v.time);

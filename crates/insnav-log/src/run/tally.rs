@@ -1,7 +1,9 @@
 //! Watches a run on its way to the sink: counts measurements, adds up the way, notes headings at stops.
 
 use super::doubts::Unusable;
-use super::report::{AidingReport, AlignmentReport, FinalReport, ResetReport, StopReport};
+use super::report::{
+    AidingReport, AlignmentReport, FinalReport, MisfitReport, ResetReport, StopReport,
+};
 use insnav_core::alignment::Alignment;
 use insnav_core::attitude::Euler;
 use insnav_core::earth::Geodetic;
@@ -29,6 +31,38 @@ struct Aid {
     frozen: usize,
     nis: f64,
     components: usize,
+    misfit: Misfit,
+}
+
+/// Measurements in a row that cannot be true if the filter is.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Misfit {
+    begin: Option<Time>,
+    count: usize,
+    /// The longest row so far: its ends and how many it has.
+    longest: Option<(Time, Time, usize)>,
+}
+
+/// NIS per component that no measurement has by chance: the gate of three components is at 7.
+const CANNOT_BE: f64 = 20.0;
+/// A row of so many, over so many seconds, is told: a filter that refuses what is right goes over to it within three.
+const ROW_LEAST: usize = 10;
+const ROW_LASTS: f64 = 10.0;
+
+impl Misfit {
+    fn takes(&mut self, update: &Update) {
+        if update.nis < CANNOT_BE * update.dof as f64 {
+            (self.begin, self.count) = (None, 0);
+            return;
+        }
+        let begin = *self.begin.get_or_insert(update.time);
+        self.count += 1;
+        let lasts = update.time.since(begin);
+        let before = self.longest.map_or(0.0, |(a, b, _)| b.since(a));
+        if self.count >= ROW_LEAST && lasts >= ROW_LASTS && lasts > before {
+            self.longest = Some((begin, update.time, self.count));
+        }
+    }
 }
 
 /// Counts of what the navigator had to tell besides epochs and updates.
@@ -39,6 +73,7 @@ pub(super) struct EventCounts {
     pub(super) too_late: usize,
     pub(super) duplicates: usize,
     pub(super) not_finite: usize,
+    pub(super) first_not_finite_s: f64,
     pub(super) flaps: usize,
     pub(super) first_flap_s: f64,
     pub(super) contradicted: usize,
@@ -65,6 +100,8 @@ pub(super) struct Totals {
     pub(super) distance_m: f64,
     pub(super) alignment: Option<AlignmentReport>,
     pub(super) events: EventCounts,
+    /// What the first sample was that is not finite.
+    pub(super) first_not_finite: String,
     pub(super) resets: Vec<ResetReport>,
     pub(super) unusable: Unusable,
     pub(super) imu_samples: usize,
@@ -122,6 +159,11 @@ impl<'a, S: Sink> Tally<'a, S> {
             reset: a.reset,
             frozen: a.frozen,
             nis_mean: (a.components > 0).then(|| a.nis / a.components as f64),
+            misfit: a.misfit.longest.map(|(begin, end, count)| MisfitReport {
+                begin_s: begin.since(self.origin),
+                end_s: end.since(self.origin),
+                count,
+            }),
         };
         self.totals.aids.iter().map(report).collect()
     }
@@ -190,6 +232,9 @@ impl<S: Sink> Sink for Tally<'_, S> {
             });
         let aid = &mut aids[at].1;
         aid.dof = aid.dof.max(update.dof);
+        if update.verdict != Verdict::Frozen {
+            aid.misfit.takes(update);
+        }
         match update.verdict {
             Verdict::Accepted => {
                 aid.used += 1;
@@ -218,7 +263,13 @@ impl<S: Sink> Sink for Tally<'_, S> {
             }
             Event::TooLate { .. } => totals.events.too_late += 1,
             Event::DuplicateImu { .. } => totals.events.duplicates += 1,
-            Event::NotFinite { .. } => totals.events.not_finite += 1,
+            Event::NotFinite { time, what } => {
+                if totals.events.not_finite == 0 {
+                    totals.events.first_not_finite_s = time.since(self.origin);
+                    totals.first_not_finite = (*what).to_owned();
+                }
+                totals.events.not_finite += 1;
+            }
             Event::StopBegan { begin, .. } => {
                 let recent = &mut totals.recent_way;
                 let before = recent.partition_point(|(t, _)| t <= begin);
@@ -295,5 +346,52 @@ fn last(epoch: &Epoch, origin: Time) -> FinalReport {
         sigma_heading_deg: sigma(8).to_degrees(),
         sigma_gyro_bias_deg_per_hour: [9, 10, 11].map(|i| per_hour(sigma(i))),
         sigma_accel_bias_mg: [12, 13, 14].map(|i| mg(sigma(i))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Updates every half second, those of `bad` seconds with a NIS per component of `nis`.
+    fn longest(nis: f64, bad: &[std::ops::Range<f64>]) -> Option<(f64, f64, usize)> {
+        let mut misfit = Misfit::default();
+        let zero = Time::from_seconds(1000.0);
+        for i in 0..200 {
+            let t = 0.5 * f64::from(i);
+            let inside = bad.iter().any(|span| span.contains(&t));
+            misfit.takes(&Update {
+                time: zero.plus(t),
+                measurement: "gnss_position",
+                dof: 3,
+                residual: [0.0; 3],
+                sigma: [1.0; 3],
+                nis: if inside { 3.0 * nis } else { 3.0 },
+                verdict: Verdict::Accepted,
+            });
+        }
+        let longest = misfit.longest?;
+        let tenths = |t: Time| (10.0 * t.since(zero)).round() / 10.0;
+        Some((tenths(longest.0), tenths(longest.1), longest.2))
+    }
+
+    #[test]
+    fn a_row_that_cannot_be_counts_when_it_is_long() {
+        assert_eq!(longest(25.0, &[10.0..30.0]), Some((10.0, 29.5, 40)));
+        // Outliers, however many, with good ones between them.
+        let single: Vec<_> = (0..50)
+            .map(|i| f64::from(2 * i)..f64::from(2 * i) + 1.2)
+            .collect();
+        assert_eq!(longest(1e6, &single), None);
+        assert_eq!(longest(25.0, &[10.0..19.0]), None, "nine seconds");
+        assert_eq!(
+            longest(15.0, &[10.0..90.0]),
+            None,
+            "it may be chance and a wrong sigma"
+        );
+        assert_eq!(
+            longest(25.0, &[10.0..22.0, 40.0..65.0, 70.0..81.0]),
+            Some((40.0, 64.5, 50))
+        );
     }
 }
