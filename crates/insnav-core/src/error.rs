@@ -70,6 +70,10 @@ pub enum Error {
         /// Why not.
         reason: &'static str,
     },
+    /// An alignment from stops is refused.
+    #[cfg(feature = "std")]
+    #[error(transparent)]
+    Alignment(#[from] crate::alignment::Refusal),
 }
 
 /// Result with the core's [`Error`].

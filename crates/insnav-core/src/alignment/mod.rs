@@ -11,10 +11,17 @@ mod rest;
 #[cfg(feature = "std")]
 mod startup;
 #[cfg(feature = "std")]
+mod stops;
+#[cfg(feature = "std")]
 mod track;
 
 #[cfg(feature = "std")]
 pub use startup::Startup;
+#[cfg(feature = "std")]
+pub use stops::{
+    AlignmentMethod, AlignmentOptions, AlignmentResult, Record, Refusal, StopReport, StopWindow,
+    Taper, align,
+};
 
 use crate::filter::InitialSigma;
 use crate::imu::ImuErrors;

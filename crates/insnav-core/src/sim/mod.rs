@@ -18,6 +18,7 @@ mod imu;
 mod noise;
 mod quadrature;
 mod range;
+mod rocking;
 mod scenario;
 mod simulation;
 mod stop_trial;
@@ -27,6 +28,7 @@ pub use drive::{Body, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};
 pub use imu::{ImuErrorModel, ImuModel, ImuOutput};
 pub use noise::{GaussMarkov, Source, Stream};
+pub use rocking::{BodyTurn, Rocking, RockingErrors, RockingTone, to_increments};
 pub use scenario::Scenario;
 pub use simulation::{Simulation, Truth};
 pub use stop_trial::{

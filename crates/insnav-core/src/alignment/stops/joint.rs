@@ -1,0 +1,454 @@
+//! ZUPT-1J: all stops in one tapered regression of the velocity and yaw of a free run.
+//!
+//! \[Lobusov14\] eq. (1)–(8) solve one stop after the other with decoupled polynomials. Here the errors of the free run carry
+//! everything: attitude at the begin, biases, and a velocity and yaw offset per stop are fitted to the computed velocity
+//! (which should be zero) and the computed yaw (which should be constant) of all stops at once. A taper keeps rocking out of
+//! the fit, which no sequential filter with white noise can do.
+
+use super::free_run::{FreeRun, INPUTS, STATES, Start, Step};
+use super::problem::Problem;
+use super::standing::{Standing, Taper};
+use super::sway::{Sway, sway};
+use crate::attitude::exp;
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use std::vec::Vec;
+
+/// What is fitted to all stops: attitude at the begin, gyro bias, accelerometer bias.
+pub(super) const GLOBAL: usize = 9;
+/// What is fitted to each: velocity at its begin, yaw offset.
+const LOCAL: usize = 3;
+const ALL: usize = GLOBAL + LOCAL;
+
+/// Weights of the rows, m/s and rad: their ratio matters only through the small coupling of the two kinds.
+const ROW_SIGMA: [f64; 2] = [1e-3, 1e-6];
+/// Weak priors that keep what cannot be seen at zero, rad/s and m/s²; ten sigmas of the unit's where that is more.
+const WEAK_GYRO: f64 = 1e-5;
+const WEAK_ACCEL: f64 = 1e-2;
+/// A known azimuth is not fitted, rad.
+const FIXED: f64 = 1e-10;
+/// Passes: each linearises anew.
+const PASSES: usize = 3;
+
+type Global = SVector<f64, GLOBAL>;
+type Gain = SMatrix<f64, GLOBAL, LOCAL>;
+
+/// What a joint fit gives.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Joint {
+    /// Attitude and biases at the begin of the first stop.
+    pub(super) start: Start,
+    /// The free run with them.
+    pub(super) run: FreeRun,
+    pub(super) stops: Vec<Standing>,
+    /// Of attitude (φ, n), gyro bias and accelerometer bias at the end of the last stop.
+    pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+    /// What is left of velocity (north, east) and yaw in each stop.
+    pub(super) residuals: Vec<Vec<Vector3<f64>>>,
+    /// Rocking of each stop, if it was to be looked at; what it does is in the covariance.
+    pub(super) sway: Vec<Sway>,
+}
+
+/// One linearisation.
+struct Pass {
+    run: FreeRun,
+    steps: Vec<Step>,
+    stops: Vec<Standing>,
+    normals: Vec<StopNormal>,
+    /// Sensitivity of (φ, v) at the end to what is fitted globally.
+    at_end: SMatrix<f64, STATES, GLOBAL>,
+    /// Inverse of the global normal matrix.
+    inverse: SMatrix<f64, GLOBAL, GLOBAL>,
+    solution: Global,
+}
+
+/// The rows of one stop, and its normal equations with its own unknowns eliminated.
+struct StopNormal {
+    /// Rows (v north, v east, yaw) of each node, on global and local unknowns.
+    rows: Vec<SMatrix<f64, 3, ALL>>,
+    values: Vec<Vector3<f64>>,
+    local_inverse: SMatrix<f64, LOCAL, LOCAL>,
+    cross: Gain,
+    local_right: SVector<f64, LOCAL>,
+    reduced: SMatrix<f64, GLOBAL, GLOBAL>,
+    reduced_right: Global,
+}
+
+impl Joint {
+    /// With `rocking`, what the residuals' spectrum does to the fit is added to the covariance of the unit's noise.
+    pub(super) fn fit(problem: &Problem<'_>, taper: Taper, rocking: bool) -> Option<Self> {
+        let mut start = problem.start;
+        for _ in 0..PASSES - 1 {
+            let pass = Pass::new(problem, &start, taper)?;
+            start = pass.moved(&start);
+        }
+        let pass = Pass::new(problem, &start, taper)?;
+        let mut covariance = pass.covariance(problem);
+        let residuals = pass.residuals();
+        let mut sways = Vec::new();
+        if rocking {
+            let outputs = pass.outputs();
+            for (i, (stop, left)) in pass.stops.iter().zip(&residuals).enumerate() {
+                let gains = (0..left.len()).map(|k| outputs * pass.gain(i, k)).collect();
+                let found = sway(&stop.t, left, &gains);
+                covariance += found.covariance;
+                sways.push(found);
+            }
+        }
+        let start = pass.moved(&start);
+        let span = problem.whole();
+        Some(Joint {
+            run: FreeRun::new(problem.record, span, &problem.place, &start),
+            start,
+            stops: pass.stops,
+            covariance,
+            residuals,
+            sway: sways,
+        })
+    }
+}
+
+impl Pass {
+    fn new(problem: &Problem<'_>, start: &Start, taper: Taper) -> Option<Self> {
+        let span = problem.whole();
+        let run = FreeRun::new(problem.record, span, &problem.place, start);
+        let stops: Vec<Standing> = problem
+            .spans
+            .iter()
+            .map(|s| Standing::new(problem.record, &run, *s, taper))
+            .collect();
+        let steps = steps(problem, &run, &stops);
+
+        let mut normals = Vec::with_capacity(stops.len());
+        let mut sensitivity = SMatrix::<f64, STATES, { GLOBAL + 2 }>::zeros();
+        sensitivity
+            .fixed_view_mut::<3, 3>(0, 0)
+            .fill_with_identity();
+        let mut next = 0;
+        for stop in &stops {
+            let (from, to) = (run.at(stop.span.begin), run.at(stop.span.end));
+            while next < from {
+                advance(&mut sensitivity, &steps[next]);
+                next += 1;
+            }
+            // The velocity of a stop is its own unknown.
+            sensitivity.fixed_rows_mut::<2>(3).fill(0.0);
+            sensitivity.fixed_columns_mut::<2>(GLOBAL).fill(0.0);
+            sensitivity
+                .fixed_view_mut::<2, 2>(3, GLOBAL)
+                .fill_with_identity();
+            let mut rows = Vec::with_capacity(stop.weights.len());
+            let mut values = Vec::with_capacity(stop.weights.len());
+            let inside = steps[from..to].iter().map(Some).chain([None]);
+            for (k, step) in (from..=to).zip(inside) {
+                rows.push(row(&sensitivity));
+                let v = run.velocity_n[k];
+                values.push(Vector3::new(-v.x, -v.y, -stop.rocking[k - from].z));
+                if let Some(step) = step {
+                    advance(&mut sensitivity, step);
+                }
+            }
+            next = to;
+            normals.push(StopNormal::new(stop, rows, values)?);
+        }
+        let (inverse, solution) = solve(problem, &stops, &normals)?;
+        Some(Pass {
+            run,
+            steps,
+            stops,
+            normals,
+            at_end: sensitivity.fixed_columns::<GLOBAL>(0).into_owned(),
+            inverse,
+            solution,
+        })
+    }
+
+    /// The start with what was fitted.
+    fn moved(&self, start: &Start) -> Start {
+        let x = &self.solution;
+        let part = |i: usize| x.fixed_rows::<3>(i).into_owned();
+        let local = self.normals[0].local(x);
+        Start {
+            q_nb: UnitQuaternion::new_normalize((exp(&part(0)) * start.q_nb).into_inner()),
+            gyro_bias: start.gyro_bias + part(3),
+            accel_bias: start.accel_bias + part(6),
+            velocity_n: start.velocity_n + Vector3::new(local.x, local.y, 0.0),
+        }
+    }
+
+    fn residuals(&self) -> Vec<Vec<Vector3<f64>>> {
+        self.normals
+            .iter()
+            .map(|normal| {
+                let local = normal.local(&self.solution);
+                let mut x = SVector::<f64, ALL>::zeros();
+                x.fixed_rows_mut::<GLOBAL>(0).copy_from(&self.solution);
+                x.fixed_rows_mut::<LOCAL>(GLOBAL).copy_from(&local);
+                let pairs = normal.rows.iter().zip(&normal.values);
+                pairs.map(|(row, value)| value - row * x).collect()
+            })
+            .collect()
+    }
+
+    /// Gains of the global unknowns on the rows (v north, v east, yaw) of node `k` of stop `i`.
+    fn gain(&self, i: usize, k: usize) -> Gain {
+        let normal = &self.normals[i];
+        let row = &normal.rows[k];
+        let reduced = row.fixed_columns::<GLOBAL>(0).transpose()
+            - normal.cross * normal.local_inverse * row.fixed_columns::<LOCAL>(GLOBAL).transpose();
+        self.inverse * reduced * row_weights(self.stops[i].weights[k])
+    }
+
+    /// What is fitted at the begin, at the end: the attitude goes on with the biases.
+    fn outputs(&self) -> SMatrix<f64, GLOBAL, GLOBAL> {
+        let mut outputs = SMatrix::<f64, GLOBAL, GLOBAL>::identity();
+        outputs
+            .fixed_view_mut::<3, GLOBAL>(0, 0)
+            .copy_from(&self.at_end.fixed_rows::<3>(0));
+        outputs
+    }
+
+    /// Covariance of what is fitted, at the end of the last stop, by the noise that the unit is said to have.
+    ///
+    /// The fit is linear in its rows, and these are linear in the noise of every node: the adjoint of the error dynamics, run
+    /// backwards with the gains as its input, gives what each node's noise, the biases before any data and their drift do to
+    /// the result. That holds for any weights.
+    fn covariance(&self, problem: &Problem<'_>) -> SMatrix<f64, GLOBAL, GLOBAL> {
+        let noise = problem.noise;
+        let outputs = self.outputs();
+        let mut adjoint = SMatrix::<f64, GLOBAL, STATES>::zeros();
+        adjoint.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        let mut on_biases = SMatrix::<f64, GLOBAL, INPUTS>::zeros();
+        on_biases.fixed_view_mut::<6, 6>(3, 0).fill_with_identity();
+        let mut sum = SMatrix::<f64, GLOBAL, GLOBAL>::zeros();
+        let add =
+            |sum: &mut SMatrix<f64, GLOBAL, GLOBAL>,
+             columns: &SMatrix<f64, GLOBAL, 3>,
+             variance: f64| *sum += columns * columns.transpose() * variance;
+        let drift = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau;
+
+        for stop in &self.stops {
+            // The row of the vertical force: what it says of the accelerometer bias, and its own error.
+            let error = problem.vertical_sigma(stop.length());
+            let gain = outputs * (self.inverse * vertical_row(stop)) / (error * error);
+            let mut accel = on_biases.fixed_columns_mut::<3>(3);
+            accel -= gain * stop.axes_n.row(2);
+            sum += gain * gain.transpose() * (error * error);
+        }
+
+        let last = self.steps.len();
+        let mut stop = self.stops.len();
+        for k in (0..=last).rev() {
+            let node = self.run.first + k;
+            if stop > 0 && self.stops[stop - 1].span.end == node {
+                stop -= 1;
+            }
+            let inside = self
+                .stops
+                .get(stop)
+                .filter(|s| (s.span.begin..=s.span.end).contains(&node));
+            if let Some(standing) = inside {
+                let gain = outputs * self.gain(stop, node - standing.span.begin);
+                let mut velocity = adjoint.fixed_columns_mut::<2>(3);
+                velocity -= gain.fixed_columns::<2>(0);
+                let mut yaw = adjoint.column_mut(2);
+                yaw -= gain.column(2);
+                if node == standing.span.begin {
+                    adjoint.fixed_columns_mut::<2>(3).fill(0.0);
+                    if stop > 0 {
+                        let turn = problem.turn_before(stop, &self.run);
+                        let through = adjoint.fixed_columns::<3>(0) * turn;
+                        sum += through * through.transpose() * problem.gyro_scale_sigma.powi(2);
+                    }
+                }
+            }
+            if k == 0 {
+                break;
+            }
+            let step = &self.steps[k - 1];
+            let dt = problem.record.nodes[node - 1].dt;
+            let before = adjoint * step.states;
+            let middle = (adjoint + before) * 0.5;
+            let attitude = middle.fixed_columns::<3>(0).into_owned();
+            add(&mut sum, &attitude, noise.gyro_white.powi(2) * dt);
+            let velocity = middle.fixed_columns::<2>(3);
+            sum += velocity * velocity.transpose() * (noise.accel_white.powi(2) * dt);
+            let gyro = on_biases.fixed_columns::<3>(0).into_owned();
+            let accel = on_biases.fixed_columns::<3>(3).into_owned();
+            add(
+                &mut sum,
+                &gyro,
+                drift(noise.gyro_bias_sigma, noise.gyro_bias_tau) * dt,
+            );
+            add(
+                &mut sum,
+                &accel,
+                drift(noise.accel_bias_sigma, noise.accel_bias_tau) * dt,
+            );
+            on_biases += adjoint * step.inputs;
+            adjoint = before;
+        }
+        let gyro = on_biases.fixed_columns::<3>(0).into_owned();
+        let accel = on_biases.fixed_columns::<3>(3).into_owned();
+        add(&mut sum, &gyro, noise.gyro_bias_sigma.powi(2));
+        add(&mut sum, &accel, noise.accel_bias_sigma.powi(2));
+        if let Some(sigma) = problem.heading_sigma {
+            let heading = adjoint.column(2);
+            sum += heading * heading.transpose() * (sigma * sigma);
+        }
+        sum
+    }
+}
+
+impl StopNormal {
+    fn new(
+        stop: &Standing,
+        rows: Vec<SMatrix<f64, 3, ALL>>,
+        values: Vec<Vector3<f64>>,
+    ) -> Option<Self> {
+        let mut normal = SMatrix::<f64, ALL, ALL>::zeros();
+        let mut right = SVector::<f64, ALL>::zeros();
+        for ((row, value), weight) in rows.iter().zip(&values).zip(&stop.weights) {
+            let weighted = row.transpose() * row_weights(*weight);
+            normal += weighted * row;
+            right += weighted * value;
+        }
+        let local = normal
+            .fixed_view::<LOCAL, LOCAL>(GLOBAL, GLOBAL)
+            .into_owned();
+        let local_inverse = local.cholesky()?.inverse();
+        let cross = normal.fixed_view::<GLOBAL, LOCAL>(0, GLOBAL).into_owned();
+        let local_right = right.fixed_rows::<LOCAL>(GLOBAL).into_owned();
+        let eliminate = cross * local_inverse;
+        Some(StopNormal {
+            reduced: normal.fixed_view::<GLOBAL, GLOBAL>(0, 0) - eliminate * cross.transpose(),
+            reduced_right: right.fixed_rows::<GLOBAL>(0) - eliminate * local_right,
+            rows,
+            values,
+            local_inverse,
+            cross,
+            local_right,
+        })
+    }
+
+    /// Local unknowns for given global ones.
+    fn local(&self, global: &Global) -> SVector<f64, LOCAL> {
+        self.local_inverse * (self.local_right - self.cross.transpose() * global)
+    }
+}
+
+/// Inverse of the global normal matrix with its priors, and the solution.
+fn solve(
+    problem: &Problem<'_>,
+    stops: &[Standing],
+    normals: &[StopNormal],
+) -> Option<(SMatrix<f64, GLOBAL, GLOBAL>, Global)> {
+    let mut matrix = SMatrix::<f64, GLOBAL, GLOBAL>::zeros();
+    let mut right = Global::zeros();
+    for (stop, normal) in stops.iter().zip(normals) {
+        matrix += normal.reduced;
+        right += normal.reduced_right;
+        // The mean vertical force is −g but for the accelerometer's bias along it.
+        let row = vertical_row(stop);
+        let weight = problem.vertical_sigma(stop.length()).powi(-2);
+        matrix += row * row.transpose() * weight;
+        right += row * ((stop.force_down + problem.place.gravity) * weight);
+    }
+    let [gyro, accel] = match problem.knowledge {
+        // The rows' weights promise more than the unit's noise keeps: what is known beforehand is weighed on their scale.
+        Some(sigmas) => sigmas.map(|s| s * promised(problem, &stops[0])),
+        None => [
+            WEAK_GYRO.max(10.0 * problem.noise.gyro_bias_sigma),
+            WEAK_ACCEL.max(10.0 * problem.noise.accel_bias_sigma),
+        ],
+    };
+    for i in 0..3 {
+        matrix[(3 + i, 3 + i)] += gyro.powi(-2);
+        matrix[(6 + i, 6 + i)] += accel.powi(-2);
+    }
+    if problem.heading_sigma.is_some() {
+        matrix[(2, 2)] += FIXED.powi(-2);
+    }
+    // Unknowns differ by eight orders of magnitude: bring the diagonal to one before factorising.
+    let scale = matrix.diagonal().map(|d| d.sqrt().recip());
+    let scaled: SMatrix<f64, GLOBAL, GLOBAL> =
+        SMatrix::from_fn(|i, j| matrix[(i, j)] * scale[i] * scale[j]);
+    let inverse = scaled.cholesky()?.inverse();
+    let inverse = SMatrix::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+    Some((inverse, inverse * right))
+}
+
+/// Standard deviation of a level rate by the rows' weights, over that by the unit's noise (quadratic fits to white velocity and
+/// to its random walks).
+fn promised(problem: &Problem<'_>, stop: &Standing) -> f64 {
+    let (length, count) = (stop.length(), stop.t.len() as f64);
+    let g = problem.place.gravity;
+    let rows = ROW_SIGMA[0] * (720.0 / count).sqrt() / (length * length * g);
+    let noise = problem.noise;
+    let kept = 10.0 / 7.0 * noise.gyro_white.powi(2) / length
+        + 120.0 / 7.0 * (noise.accel_white / g).powi(2) / length.powi(3);
+    rows / kept.sqrt()
+}
+
+/// How errors go over each node: in a stop with the stop's mean attitude (the attitude of each instant would let rocking into
+/// the unknowns) and with gravity alone as the force; in between as the run says.
+pub(super) fn steps(problem: &Problem<'_>, run: &FreeRun, stops: &[Standing]) -> Vec<Step> {
+    let mut out: Vec<Step> = Vec::with_capacity(run.axes_n.len());
+    let standing_force = Vector3::new(0.0, 0.0, -problem.place.gravity);
+    let mut stop = 0;
+    let mut last: Option<(usize, f64, Step)> = None;
+    for k in 0..run.axes_n.len() {
+        let node = run.first + k;
+        while stop < stops.len() && node >= stops[stop].span.end {
+            stop += 1;
+        }
+        let dt = problem.record.nodes[node].dt;
+        let inside = stops.get(stop).filter(|s| node >= s.span.begin);
+        let step = match inside {
+            Some(standing) => match last {
+                Some((i, length, step)) if i == stop && (length - dt).abs() < 1e-9 => step,
+                _ => {
+                    let zero = Vector3::zeros();
+                    Step::new(&problem.place, dt, &standing_force, &standing.axes_n, &zero)
+                }
+            },
+            None => Step::new(
+                &problem.place,
+                dt,
+                &run.force_n[k],
+                &run.axes_n[k],
+                &run.velocity_n[k],
+            ),
+        };
+        last = inside.map(|_| (stop, dt, step));
+        out.push(step);
+    }
+    out
+}
+
+fn row_weights(weight: f64) -> Matrix3<f64> {
+    let [v, yaw] = ROW_SIGMA.map(|s| weight / (s * s));
+    Matrix3::from_diagonal(&Vector3::new(v, v, yaw))
+}
+
+fn vertical_row(stop: &Standing) -> Global {
+    let mut row = Global::zeros();
+    row.fixed_rows_mut::<3>(6)
+        .copy_from(&stop.axes_n.row(2).transpose());
+    row
+}
+
+fn row(sensitivity: &SMatrix<f64, STATES, { GLOBAL + 2 }>) -> SMatrix<f64, 3, ALL> {
+    let mut row = SMatrix::<f64, 3, ALL>::zeros();
+    row.fixed_view_mut::<2, { GLOBAL + 2 }>(0, 0)
+        .copy_from(&sensitivity.fixed_rows::<2>(3));
+    row.fixed_view_mut::<1, { GLOBAL + 2 }>(2, 0)
+        .copy_from(&sensitivity.row(2));
+    row[(2, ALL - 1)] = -1.0;
+    row
+}
+
+fn advance(sensitivity: &mut SMatrix<f64, STATES, { GLOBAL + 2 }>, step: &Step) {
+    *sensitivity = step.states * *sensitivity;
+    let mut biases = sensitivity.fixed_view_mut::<STATES, INPUTS>(0, 3);
+    biases += step.inputs;
+}

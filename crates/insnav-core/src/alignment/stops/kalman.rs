@@ -1,0 +1,194 @@
+//! Batch Kalman filter over the stops: the best there is on a quiet base.
+//!
+//! Error states (φ, v, b_g, b_a) of a free run that a joint fit has already centred, and the heading error's growth since each
+//! stop's begin; measured are zero velocity, unchanged heading, and the vertical force.
+
+use super::free_run::{FreeRun, INPUTS, STATES, Start};
+use super::joint::{GLOBAL, steps};
+use super::problem::Problem;
+use super::standing::{Standing, Taper};
+use crate::attitude::exp;
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+
+const N: usize = STATES + INPUTS + 1;
+/// How much the heading error has grown since the stop's begin: a state of its own, as the difference of two headings that are
+/// not known would drown in rounding.
+const GROWN: usize = N - 1;
+const ACCEL: usize = STATES + 3;
+
+type Covariance = SMatrix<f64, N, N>;
+type State = SVector<f64, N>;
+
+/// Nodes between measurements: half a second.
+const EVERY: usize = 5;
+/// What remains in velocity and heading of a quiet base, m/s and rad, each half second: rounding of the unit's outputs and
+/// settling.
+const QUIET: [f64; 2] = [3e-5, 3e-7];
+/// Flat priors: tilt and heading, rad, and velocity at a stop's begin, m/s.
+const FLAT_TILT: f64 = 0.05;
+const FLAT_HEADING: f64 = 3.0;
+const FLAT_VELOCITY: f64 = 1.0;
+
+/// What the filter gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Filtered {
+    /// At the end of the last stop.
+    pub(super) q_nb: UnitQuaternion<f64>,
+    pub(super) gyro_bias: Vector3<f64>,
+    pub(super) accel_bias: Vector3<f64>,
+    /// Of attitude (φ, n), gyro bias and accelerometer bias.
+    pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+    /// Sum of normalised innovations squared, and their number.
+    pub(super) nis: f64,
+    pub(super) dof: usize,
+}
+
+struct Filter {
+    x: State,
+    p: Covariance,
+    nis: f64,
+    dof: usize,
+}
+
+impl Filter {
+    fn measure(&mut self, h: &State, value: f64, sigma: f64) {
+        let ph = self.p * h;
+        let s = h.dot(&ph) + sigma * sigma;
+        let innovation = value - h.dot(&self.x);
+        self.nis += innovation * innovation / s;
+        self.dof += 1;
+        let k = ph / s;
+        self.x += k * innovation;
+        // Joseph's form.
+        let a = Covariance::identity() - k * h.transpose();
+        self.p = a * self.p * a.transpose() + k * k.transpose() * (sigma * sigma);
+    }
+
+    /// A stop begins: its velocity is unknown, and its heading error has not grown.
+    fn arrive(&mut self) {
+        for i in 3..STATES {
+            self.x[i] = 0.0;
+            self.p.row_mut(i).fill(0.0);
+            self.p.column_mut(i).fill(0.0);
+            self.p[(i, i)] = FLAT_VELOCITY * FLAT_VELOCITY;
+        }
+        self.x[GROWN] = 0.0;
+        self.p.row_mut(GROWN).fill(0.0);
+        self.p.column_mut(GROWN).fill(0.0);
+    }
+}
+
+fn unit(i: usize) -> State {
+    let mut h = State::zeros();
+    h[i] = 1.0;
+    h
+}
+
+/// Filter the stops about a start that is already close.
+pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
+    let noise = problem.noise;
+    let run = FreeRun::new(problem.record, problem.whole(), &problem.place, start);
+    let stops: std::vec::Vec<Standing> = problem
+        .spans
+        .iter()
+        .map(|s| Standing::new(problem.record, &run, *s, Taper::None))
+        .collect();
+    let steps = steps(problem, &run, &stops);
+    let heading = problem.heading_sigma.unwrap_or(FLAT_HEADING);
+    let mut diagonal = State::zeros();
+    let mut filter = Filter {
+        x: State::zeros(),
+        p: Covariance::zeros(),
+        nis: 0.0,
+        dof: 0,
+    };
+    for i in 0..3 {
+        diagonal[i] = if i < 2 { FLAT_TILT } else { heading };
+        diagonal[STATES + i] = noise.gyro_bias_sigma;
+        diagonal[ACCEL + i] = noise.accel_bias_sigma;
+        // Biases are zero beforehand: the start already has some.
+        filter.x[STATES + i] = -start.gyro_bias[i];
+        filter.x[ACCEL + i] = -start.accel_bias[i];
+    }
+    if problem.heading_sigma.is_some() {
+        // The start's own heading error against what was known beforehand.
+        let told = problem.start.q_nb * start.q_nb.inverse();
+        filter.x[2] = crate::attitude::log(&told).z;
+    }
+    filter.p = Covariance::from_diagonal(&diagonal.map(|s| s * s));
+
+    let mut transition = Covariance::identity();
+    let drift = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau;
+    let drift_gyro = drift(noise.gyro_bias_sigma, noise.gyro_bias_tau);
+    let drift_accel = drift(noise.accel_bias_sigma, noise.accel_bias_tau);
+    let mut stop = 0;
+    for k in 0..=steps.len() {
+        let node = run.first + k;
+        if let Some(standing) = stops.get(stop).filter(|s| node >= s.span.begin) {
+            let since = node - standing.span.begin;
+            if since == 0 {
+                if stop > 0 {
+                    let turn = problem.turn_before(stop, &run) * problem.gyro_scale_sigma;
+                    let mut attitude = filter.p.fixed_view_mut::<3, 3>(0, 0);
+                    attitude += turn * turn.transpose();
+                }
+                filter.arrive();
+            }
+            let arrived = node == standing.span.end;
+            if since.is_multiple_of(EVERY) || arrived {
+                let v = run.velocity_n[k];
+                filter.measure(&unit(3), -v.x, QUIET[0]);
+                filter.measure(&unit(4), -v.y, QUIET[0]);
+                if since > 0 {
+                    let turned = standing.rocking[since].z - standing.rocking[0].z;
+                    filter.measure(&unit(GROWN), -turned, QUIET[1]);
+                }
+            }
+            if arrived {
+                let mut h = State::zeros();
+                h.fixed_rows_mut::<3>(ACCEL)
+                    .copy_from(&standing.axes_n.row(2).transpose());
+                let value = standing.force_down + problem.place.gravity;
+                filter.measure(&h, value, problem.vertical_sigma(standing.length()));
+                stop += 1;
+            }
+        }
+        let Some(step) = steps.get(k) else { break };
+        let dt = problem.record.nodes[node].dt;
+        transition
+            .fixed_view_mut::<STATES, STATES>(0, 0)
+            .copy_from(&step.states);
+        transition
+            .fixed_view_mut::<STATES, INPUTS>(0, STATES)
+            .copy_from(&step.inputs);
+        let growth = transition.row(2) - unit(2).transpose();
+        transition.set_row(GROWN, &growth);
+        transition[(GROWN, GROWN)] = 1.0;
+        filter.x = transition * filter.x;
+        filter.p = transition * filter.p * transition.transpose();
+        for i in 0..3 {
+            filter.p[(i, i)] += noise.gyro_white.powi(2) * dt;
+            filter.p[(STATES + i, STATES + i)] += drift_gyro * dt;
+            filter.p[(ACCEL + i, ACCEL + i)] += drift_accel * dt;
+        }
+        let white = noise.gyro_white.powi(2) * dt;
+        filter.p[(GROWN, GROWN)] += white;
+        filter.p[(GROWN, 2)] += white;
+        filter.p[(2, GROWN)] += white;
+        for i in 3..STATES {
+            filter.p[(i, i)] += noise.accel_white.powi(2) * dt;
+        }
+    }
+
+    let kept = [0, 1, 2, 5, 6, 7, 8, 9, 10];
+    let part = |i: usize| filter.x.fixed_rows::<3>(i).into_owned();
+    let end = run.q_nb[run.q_nb.len() - 1];
+    Filtered {
+        q_nb: UnitQuaternion::new_normalize((exp(&part(0)) * end).into_inner()),
+        gyro_bias: start.gyro_bias + part(STATES),
+        accel_bias: start.accel_bias + part(ACCEL),
+        covariance: SMatrix::from_fn(|i, j| filter.p[(kept[i], kept[j])]),
+        nis: filter.nis,
+        dof: filter.dof,
+    }
+}

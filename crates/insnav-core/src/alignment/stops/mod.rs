@@ -1,0 +1,28 @@
+//! Alignment from stops: attitude, azimuth and sensor drifts from standing in one place, in one or more positions.
+//!
+//! A [`Record`] holds inertial data, [`StopWindow`]s say when the body stood, and [`align`] gives an [`AlignmentResult`] or a
+//! [`Refusal`]. After \[Lobusov14\], whose explicit equations are kept as a method for comparison.
+
+mod align;
+mod coarse;
+mod free_run;
+mod geometry;
+mod gyrocompass;
+mod joint;
+mod kalman;
+mod level;
+mod paper;
+mod place;
+mod problem;
+mod rates;
+mod record;
+mod refusal;
+mod result;
+mod standing;
+mod sway;
+
+pub use align::{AlignmentOptions, StopWindow, align};
+pub use record::Record;
+pub use refusal::Refusal;
+pub use result::{AlignmentMethod, AlignmentResult, StopReport};
+pub use standing::Taper;

@@ -1,0 +1,94 @@
+//! The level rates that a stop shows, their sigmas, and whether its halves agree.
+
+use super::free_run::FreeRun;
+use super::place::Place;
+use super::standing::{Standing, Taper, derivative_row, once_summed, twice_summed};
+use super::sway::leak;
+use crate::imu::ImuNoise;
+use nalgebra::Vector3;
+use std::vec::Vec;
+
+/// Rates that a free run has not accounted for, n, rad/s, and their standard deviations by the unit's noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rates {
+    pub(super) rate_n: Vector3<f64>,
+    pub(super) sigma: Vector3<f64>,
+}
+
+/// Rates over nodes `from..=to` of a stop (counted from its begin), with tilt and velocity at the begin free.
+///
+/// A residual rate δ about north bends the east velocity by g δ, one about east the north velocity by −g δ (\[Lobusov14\], the
+/// Schuler branch of eq. (3)); about Down it is the slope of the yaw.
+pub(super) fn rates(
+    standing: &Standing,
+    run: &FreeRun,
+    place: &Place,
+    noise: &ImuNoise,
+    taper: Taper,
+    (from, to): (usize, usize),
+) -> Rates {
+    let begin = standing.t[from];
+    let t: Vec<f64> = standing.t[from..=to].iter().map(|t| t - begin).collect();
+    let weights = taper.weights(&t);
+    let bend = derivative_row::<3>(&t, &weights);
+    let slope = derivative_row::<2>(&t, &weights);
+    let first = run.at(standing.span.begin) + from;
+    let (mut bent, mut yaw) = (Vector3::zeros(), 0.0);
+    for (i, (b, s)) in bend.iter().zip(&slope).enumerate() {
+        bent += run.velocity_n[first + i] * *b;
+        yaw += standing.rocking[from + i].z * s;
+    }
+    // What each node's noise does: rate noise through tilt to velocity, force noise to velocity, drifting accelerometers likewise.
+    let (twice, once, yaw_once) = (
+        twice_summed(&t, &bend),
+        once_summed(&bend),
+        once_summed(&slope),
+    );
+    let gyro = noise.gyro_white.powi(2);
+    let accel = noise.accel_white.powi(2) / place.gravity.powi(2);
+    let drift = 2.0 * noise.accel_bias_sigma.powi(2) / noise.accel_bias_tau / place.gravity.powi(2);
+    let (mut horizontal, mut vertical) = (0.0, 0.0);
+    for (i, pair) in t.windows(2).enumerate() {
+        let dt = pair[1] - pair[0];
+        horizontal += dt * (twice[i].powi(2) * (gyro + drift) + once[i].powi(2) * accel);
+        vertical += dt * yaw_once[i].powi(2) * gyro;
+    }
+    Rates {
+        rate_n: Vector3::new(bent.y / place.gravity, -bent.x / place.gravity, yaw),
+        sigma: Vector3::new(horizontal.sqrt(), horizontal.sqrt(), vertical.sqrt()),
+    }
+}
+
+/// Difference between the rates of the two halves of a stop, in its sigmas; `rocking`: the fit's residuals, when the base rocks.
+pub(super) fn disagreement(
+    standing: &Standing,
+    run: &FreeRun,
+    place: &Place,
+    noise: &ImuNoise,
+    taper: Taper,
+    rocking: Option<&[Vector3<f64>]>,
+) -> Vector3<f64> {
+    let (middle, end) = (standing.t.len() / 2, standing.t.len() - 1);
+    let first = rates(standing, run, place, noise, taper, (0, middle));
+    let second = rates(standing, run, place, noise, taper, (middle, end));
+    let difference = first.rate_n - second.rate_n;
+    let mut variance =
+        first.sigma.component_mul(&first.sigma) + second.sigma.component_mul(&second.sigma);
+    if let Some(left) = rocking {
+        // Rocking leaks into the halves, whose tapers hold half as many of its periods, more than into the whole.
+        for (from, to) in [(0, middle), (middle, end)] {
+            let t: Vec<f64> = standing.t[from..=to]
+                .iter()
+                .map(|x| x - standing.t[from])
+                .collect();
+            let weights = taper.weights(&t);
+            let bend = derivative_row::<3>(&t, &weights);
+            let slope = derivative_row::<2>(&t, &weights);
+            let channel = |i: usize| left.iter().map(|r| r[i]).collect::<Vec<f64>>();
+            let of = |i, c: &[f64]| leak(&standing.t, &channel(i), from, c);
+            let square = place.gravity * place.gravity;
+            variance += Vector3::new(of(1, &bend) / square, of(0, &bend) / square, of(2, &slope));
+        }
+    }
+    difference.component_div(&variance.map(f64::sqrt))
+}

@@ -1,0 +1,157 @@
+//! Why an alignment from stops is not given: each with the numbers that show it, and the remedy.
+
+/// What stands against an alignment. Times count from the zero of [`crate::time::Time`].
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// No inertial data in the window.
+    #[error("there are no inertial data in the window: give a window inside the record")]
+    NoData,
+    /// A window outside the data.
+    #[error(
+        "the stop {begin_s:.3}..{end_s:.3} s is not inside the data ({data_begin_s:.3}..{data_end_s:.3} s): give a window inside"
+    )]
+    OutsideData {
+        /// Begin of the window.
+        begin_s: f64,
+        /// End of the window.
+        end_s: f64,
+        /// Begin of the data.
+        data_begin_s: f64,
+        /// End of the data.
+        data_end_s: f64,
+    },
+    /// No stop at all.
+    #[error("no stop is given: name at least one window of standing")]
+    NoStop,
+    /// Windows that overlap or are not in the order of time.
+    #[error(
+        "the stop that begins at {begin_s:.3} s overlaps the one before, which ends at {previous_end_s:.3} s: give stops in the order of time"
+    )]
+    StopsOverlap {
+        /// Begin of the later window.
+        begin_s: f64,
+        /// End of the earlier one.
+        previous_end_s: f64,
+    },
+    /// A stop shorter than the method can use.
+    #[error("the stop at {begin_s:.3} s lasts {have_s:.1} s, {need_s:.1} s are needed: {reason}")]
+    StopTooShort {
+        /// Begin of the window.
+        begin_s: f64,
+        /// Its length.
+        have_s: f64,
+        /// The least length.
+        need_s: f64,
+        /// Why.
+        reason: &'static str,
+    },
+    /// The two halves of a stop tell different rates.
+    #[error(
+        "the body does not stand in the stop at {begin_s:.3} s: rates of its two halves differ by {disagreement_sigma:.1} sigmas (4 allowed), velocity scatters by {velocity_rms_m_per_s:.2e} m/s: shorten the window to what is still, or state more gyro noise"
+    )]
+    NotStationary {
+        /// Begin of the window.
+        begin_s: f64,
+        /// Scatter of the computed velocity about its fit.
+        velocity_rms_m_per_s: f64,
+        /// Largest difference of a component, in its sigmas.
+        disagreement_sigma: f64,
+    },
+    /// Positions that leave one direction of the unknowns unseen.
+    #[error(
+        "the stops do not tell drift and azimuth apart: the combination azimuth {azimuth:+.2}, drift north {north:+.2} east {east:+.2} down {down:+.2} is seen {ratio:.1e} as well as a well-placed one (0.05 needed): {advice}"
+    )]
+    SingularGeometry {
+        /// Part of the azimuth in the unseen direction (unit vector; drifts over Ω cos L).
+        azimuth: f64,
+        /// Part of a drift along north.
+        north: f64,
+        /// Part of a drift along east.
+        east: f64,
+        /// Part of a drift along down.
+        down: f64,
+        /// Least singular value of the scaled Jacobian.
+        ratio: f64,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The paper's quadratic equation has no real root, or two that merge.
+    #[error(
+        "the quadratic equation of the paper has no two distinct roots (discriminant {discriminant:.1e}, 0.0025 needed): turn the unit about an axis with a north component, or use the vertical rate"
+    )]
+    NegativeDiscriminant {
+        /// The discriminant over its leading coefficient.
+        discriminant: f64,
+    },
+    /// The horizontal Earth rate found is not that of the latitude.
+    #[error(
+        "the Earth rate found is not that of the latitude: its horizontal part is off by {norm_residual:+.2e} of itself ({sigmas:.1} sigmas): check the latitude given"
+    )]
+    LatitudeInconsistent {
+        /// Horizontal rate found over Ω cos L, minus one.
+        norm_residual: f64,
+        /// That in its sigmas.
+        sigmas: f64,
+    },
+    /// Too near a pole.
+    #[error(
+        "at latitude {latitude_deg:.3}° the Earth's rate has no horizontal part to find north by: 89° is the limit"
+    )]
+    AzimuthUnobservable {
+        /// The latitude.
+        latitude_deg: f64,
+    },
+    /// The unit cannot find north in these stops.
+    #[error(
+        "with this unit the azimuth would have a sigma of {sigma_azimuth_deg:.2}° ({limit_deg:.2}° allowed): stand longer, turn between stops, use a better unit, or ask for levelling"
+    )]
+    LowGrade {
+        /// Sigma predicted from noise, bias and lengths.
+        sigma_azimuth_deg: f64,
+        /// The largest allowed.
+        limit_deg: f64,
+    },
+    /// A hole in the data.
+    #[error(
+        "{length_s:.2} s of inertial data are missing at {at_s:.3} s: attitude is not carried over holes; use stops on one side of it"
+    )]
+    GapInData {
+        /// Where.
+        at_s: f64,
+        /// How long.
+        length_s: f64,
+    },
+    /// Two positions are asked for, and there is only one.
+    #[error(
+        "the body was turned by {turn_deg:.2}° between its stops at most: two-position methods need a turn (180° about the vertical is best, 5° the least)"
+    )]
+    MissingRotation {
+        /// The largest turn against the first stop.
+        turn_deg: f64,
+    },
+    /// The gyros' scale error in the turn is worse than all noise.
+    #[error(
+        "the turn of {turn_deg:.0}° with a scale error of {scale_ppm:.0} ppm leaves {error_nrad_per_s:.1} nrad/s, more than the first stop's own {noise_nrad_per_s:.1} nrad/s: calibrate the scale or turn less"
+    )]
+    TurnScaleDominates {
+        /// The turn.
+        turn_deg: f64,
+        /// Standard deviation of the scale factor.
+        scale_ppm: f64,
+        /// What it leaves on the rate.
+        error_nrad_per_s: f64,
+        /// Rate noise of a stop.
+        noise_nrad_per_s: f64,
+    },
+    /// A setting that makes no sense.
+    #[error("{key} = {value}: must be {expected}")]
+    Option {
+        /// Which one.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+}
