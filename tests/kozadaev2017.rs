@@ -291,15 +291,29 @@ fn between_drives_kept_covariances_repair_the_heading() {
     assert!(constant <= (0.90 + slack) * literal, "{constant} {literal}");
 }
 
-/// A stop that is told of half a second late, at both ends, costs the drives nothing where they start as gently as
-/// these: half a second into a leg the body has half a millimetre per second. It does not show what a late flag does to a start with a jerk.
+/// A topic that tells of stops half a second late, at both ends, of drives that begin and end with a jerk: nothing is lost, since a
+/// "moving" is known to the filter before it comes there. Nor by one that is in time, whose stops end half a second early.
+///
+/// The bar of 5 % is one on ratios of errors on the same samples: over 12 runs they scatter by less than one, so that no more
+/// are needed.
 #[test]
 fn flags_that_come_half_a_second_late_change_nothing_under_way() {
-    let count = if is_long() { 50 } else { 12 };
+    let count = if is_long() { 100 } else { 12 };
+    let flags = [
+        StopFlags::Exact,
+        StopFlags::Late(0.5),
+        StopFlags::Late(0.0),
+        // The control: the same lateness where nothing looks ahead.
+        StopFlags::LateIntervals(0.5),
+    ];
+    let setting = StopSetting {
+        jerky: true,
+        ..StopSetting::multi_stop()
+    };
     let found = over_seeds(count, |seed| {
-        let trial = StopSetting::multi_stop().trial(seed).expect("ready");
+        let trial = setting.trial(seed).expect("ready");
         [StopVariant::PaperExact, StopVariant::Static].map(|variant| {
-            [StopFlags::Exact, StopFlags::Late(0.5), StopFlags::Late(2.0)].map(|flags| {
+            flags.map(|flags| {
                 let e = trial.run(variant, flags).expect("good samples").driving;
                 [e.horizontal, e.velocity, e.roll_pitch]
             })
@@ -312,17 +326,18 @@ fn flags_that_come_half_a_second_late_change_nothing_under_way() {
                 Estimate::root_mean_square(&all).value
             })
         };
-        let [exact, late, later] = [0, 1, 2].map(rms);
+        let [exact, late, in_time, blind] = [0, 1, 2, 3].map(rms);
         let ratio = |x: [f64; 3]| -> [f64; 3] { core::array::from_fn(|q| x[q] / exact[q]) };
         println!(
-            "{name}: exact {exact:.4?}, late by {:.3?}, by 2 s {:.3?}",
+            "{name}, position velocity roll/pitch under way: exact {exact:.4?}; by a topic 0.5 s late {:.3?}, in time {:.3?}; \
+             by intervals 0.5 s late {:.3?}",
             ratio(late),
-            ratio(later)
+            ratio(in_time),
+            ratio(blind)
         );
-        for r in ratio(late) {
-            assert!((r - 1.0).abs() < 0.05, "{name}: {:?}", ratio(late));
+        for r in ratio(late).into_iter().chain(ratio(in_time)) {
+            assert!((r - 1.0).abs() < 0.05, "{name}: {r}");
         }
-        // Negative control: so late that the drive shows.
-        assert!(ratio(later).iter().any(|r| *r > 1.1), "{name}");
+        assert!(ratio(blind).iter().any(|r| *r > 1.05), "{name}");
     }
 }

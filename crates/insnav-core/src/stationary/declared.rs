@@ -1,8 +1,8 @@
 //! Stops that somebody declares: intervals of the settings, a topic.
 
-use super::Belief;
 use super::evidence::Witness;
 use super::speed::contradicted;
+use super::{Belief, LOOK_AHEAD};
 use crate::config::Intervals;
 use crate::sample::Standstill;
 use crate::solution::Event;
@@ -40,6 +40,10 @@ impl From<Notice> for Event {
 }
 
 /// A declared stop; without an end until it is taken back.
+///
+/// What a topic takes back ends [`LOOK_AHEAD`] before the stamp: whoever says "moving" has seen motion first, and half a second less
+/// of standing costs nothing, while a filter that holds a body which drives off takes its speed and its turn for errors. Intervals
+/// of the settings are exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Span {
     begin: Time,
@@ -125,7 +129,7 @@ impl Declared {
             }
             (false, Some(span)) => {
                 self.topic[1] = Some(Span {
-                    end: Some(said.time),
+                    end: Some(said.time.plus(-LOOK_AHEAD)),
                     ..span
                 });
             }

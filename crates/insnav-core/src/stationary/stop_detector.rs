@@ -74,8 +74,9 @@ struct Stretch {
 /// A window shorter than the look ahead is taken to be that of a foot on the ground: its noise is that of a stance, it is older than the filter's velocity by the time that it is
 /// judged, and the foot stands while its wearer walks: such windows ask nobody about the speed.
 ///
-/// Declarations count beside it. A topic that says "moving" forbids the detector nothing: a parking brake that is released
-/// does not start a car. Wheels that turn do.
+/// Declarations count beside it, and what the detector sees does not end them: people who get in shake a body that stands. A topic
+/// that says "moving" ends what it declared [`LOOK_AHEAD`] before its stamp, and forbids the detector nothing: a parking brake that is
+/// released does not start a car. Wheels that turn do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopDetector {
     kind: DetectorKind,
@@ -170,7 +171,7 @@ impl StopDetector {
 
     /// Whether the body stands where the filter is now, at `at`, and since when.
     ///
-    /// Exact at the ends of declared stops, which the look ahead alone cannot be.
+    /// Exact at the ends of intervals of the settings, which the look ahead alone cannot be.
     pub fn advance(&mut self, at: Time) -> Motion {
         while let Some(oldest) = self.stretches.front()
             && oldest.end.is_some_and(|end| end <= at)

@@ -17,8 +17,10 @@ use crate::sim::{Simulation, Source, Span, Stream};
 pub enum StopFlags {
     /// Beforehand and exactly.
     Exact,
-    /// As samples that say so, stamped this many seconds after the truth, at both ends.
+    /// As samples of a topic that say so, stamped this many seconds after the truth, at both ends.
     Late(f64),
+    /// Beforehand, as intervals that are this many seconds late at both ends: taken as they are, so that no look ahead helps.
+    LateIntervals(f64),
 }
 
 /// Samples, a start and the truth of one trial.
@@ -83,9 +85,13 @@ impl StopTrial {
         let mut others = self.fixes[usize::from(!variant.receiver_is_scaled())].clone();
         let last = self.stops.len() - 1;
         match flags {
-            StopFlags::Exact => {
-                let mut list: Vec<[f64; 2]> =
-                    self.stops.iter().map(|s| [s.begin_s, s.end_s]).collect();
+            StopFlags::Exact | StopFlags::LateIntervals(_) => {
+                let late = match flags {
+                    StopFlags::LateIntervals(by) => by,
+                    StopFlags::Exact | StopFlags::Late(_) => 0.0,
+                };
+                let interval = |s: &Span| [s.begin_s + late, s.end_s + late];
+                let mut list: Vec<[f64; 2]> = self.stops.iter().map(interval).collect();
                 // Nobody drives off at the end of the data.
                 list[last][1] += 10.0;
                 config.stationary.intervals_s =
