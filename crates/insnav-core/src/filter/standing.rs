@@ -2,7 +2,7 @@
 
 use super::dynamics::fill_biases;
 use super::eskf::Eskf;
-use super::layout::{ATTITUDE, GYRO_BIAS, VELOCITY};
+use super::layout::{ATTITUDE, GYRO_BIAS, GYRO_SCALE, VELOCITY};
 use super::optional::fill_processes;
 use crate::attitude::exp;
 use crate::config::StandingForce;
@@ -74,7 +74,8 @@ impl Eskf {
         self.covariance.set_prior(VELOCITY, &prior);
     }
 
-    /// Turn the body by a rotation seen by the gyros over `dt` seconds, b axes, with the errors that their noise and bias bring.
+    /// Turn the body by a rotation seen by the gyros over `dt` seconds, b axes, with the errors that their noise, bias and scale
+    /// factors bring.
     pub fn turn(&mut self, rotation_b: &Vector3<f64>, dt: f64) {
         let earth_rate_n = earth_rate_n(self.nominal.nav.position.latitude);
         let to_n = self.nominal.nav.q_nb.to_rotation_matrix().into_inner();
@@ -85,8 +86,13 @@ impl Eskf {
         phi.position.clear();
         phi.velocity.clear();
         phi.attitude.clear();
-        phi.attitude
-            .put(self.covariance.layout(), GYRO_BIAS, &(to_n * -dt));
+        // As on the way: both act through what the gyros showed, scaled back.
+        let inverse = self.nominal.imu_errors.gyro_scale.map(|s| 1.0 / (1.0 + s));
+        let to_n = to_n * Matrix3::from_diagonal(&inverse);
+        let layout = self.covariance.layout();
+        phi.attitude.put(layout, GYRO_BIAS, &(to_n * -dt));
+        let by_scale = to_n * Matrix3::from_diagonal(&-rotation_b);
+        phi.attitude.put(layout, GYRO_SCALE, &by_scale);
         phi.noise.fill(0.0);
         phi.decay.fill(1.0);
         let at = self.covariance.layout().range(ATTITUDE);

@@ -9,7 +9,7 @@ use crate::filter::{
 };
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
-use nalgebra::{Matrix1, Matrix1x3, Vector1};
+use nalgebra::{Matrix1, Matrix1x3, Matrix3, Vector1};
 use serde::{Deserialize, Serialize};
 
 /// Zero turn rate about Down: r = −(C ω − ω_ie)_D, rad/s, with the rate of the interval that the filter has just moved over.
@@ -63,7 +63,12 @@ impl Measurement<1> for ZeroHeadingRateModel {
     }
 }
 
-/// When and how the zero rate is used: at every inertial sample of a stop.
+/// Rates of a body at rest are beyond this once in 10⁹ (chi-square of three degrees of freedom): what is left out at rest must not
+/// be seen in the heading. Slower turns tell a tilt next to nothing of itself: a rate of √45 σ shows it to 0.15 rad a sample.
+const MOVES: f64 = 45.0;
+
+/// When and how the zero rate is used: at every inertial sample of a stop in which the body does not turn about any axis. One
+/// that tilts has a rate about Down as well, by as much as it is tilted already, which would be taken for an error of tilt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ZeroHeadingRateAid {
     gain: HeadingRateGain,
@@ -90,9 +95,22 @@ impl ZeroHeadingRateAid {
         };
         // The noise of a rate that is far out has gone into the heading too: to undo it, it must count in full.
         let mut gate = match self.gain {
+            _ if moves(filter, model.sigma) => Gate::closed(),
             HeadingRateGain::Correlated => Gate::open(),
             HeadingRateGain::Naive | HeadingRateGain::BiasOnly => Gate::lenient(),
         };
         filter.update(&model, time, &mut gate)
     }
+}
+
+/// Whether the rate of the last interval is that of a body which turns, whatever the axis.
+fn moves(filter: &Eskf, sigma: f64) -> bool {
+    let nav = &filter.nominal().nav;
+    let earth = earth_rate_n(nav.position.latitude);
+    let rate = filter.nominal().rate_b - nav.q_nb.inverse_transform_vector(&earth);
+    let known = filter.covariance().block(GYRO_BIAS, GYRO_BIAS);
+    let covariance = known.unwrap_or_else(Matrix3::zeros) + Matrix3::identity() * (sigma * sigma);
+    covariance
+        .cholesky()
+        .is_some_and(|c| rate.dot(&c.solve(&rate)) > MOVES)
 }

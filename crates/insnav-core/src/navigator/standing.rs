@@ -16,7 +16,7 @@ use nalgebra::ComplexField;
 use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Zero velocities that do not fit over so long, s, end a stop.
+/// Zero velocities, or attitudes held, that do not fit over so long, s, end a stop.
 const MISFIT: f64 = 0.2;
 /// Mean NIS of three degrees of freedom that does not fit: one in a thousand for a single one.
 const MISFIT_NIS: f64 = 16.3;
@@ -58,10 +58,13 @@ struct Stop {
     record: StopRecord,
     /// Time since the last sample, s.
     elapsed: f64,
+    /// Of the zero velocity.
     misfit: Misfit,
+    /// Of a held attitude.
+    turned: Misfit,
 }
 
-/// NIS of zero velocities of late.
+/// NIS of late of what is told while standing.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Misfit {
     sum: f64,
@@ -207,6 +210,7 @@ impl Standing {
             },
             elapsed: 0.0,
             misfit: Misfit::default(),
+            turned: Misfit::default(),
         });
         outcome
     }
@@ -288,7 +292,7 @@ impl Standing {
             }
             mode => {
                 let zero = self.zero_velocity.observe(dt, filter);
-                let misfit = match &zero {
+                let mut misfit = match &zero {
                     Ok(update) => stop.misfit.takes(update.nis, dt),
                     Err(_) => None,
                 };
@@ -298,6 +302,12 @@ impl Standing {
                     StationaryMode::AttitudeHold => Some(self.held.observe_attitude(dt, filter)),
                     _ => None,
                 };
+                // A body that was tilted must not be led back to what it was.
+                if mode == StationaryMode::AttitudeHold
+                    && let Some(Ok(update)) = &held
+                {
+                    misfit = misfit.or(stop.turned.takes(update.nis, dt));
+                }
                 if let Some(held) = held {
                     outcome = outcome.and(told(held, sink));
                 }
