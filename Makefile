@@ -27,6 +27,8 @@ OUT := target/check
 SKIPS := $(OUT)/skipped
 VENV_PYTHON := .venv/bin/python
 
+comma := ,
+
 define step
 @printf '\n== %s\n' "$(1)"
 endef
@@ -68,6 +70,13 @@ docs: ## Documentation builds without warnings
 rust: ## Rust tests, examples in the documentation included
 	$(call step,Rust tests)
 	$(CARGO) test $(LOCKED) --no-fail-fast
+
+# Monte Carlo with as many runs as the bars were set for.
+.PHONY: long
+long: ## Every Rust test with the full number of simulated runs, and the bench of standing
+	$(call step,Rust tests$(comma) long)
+	INSNAV_LONG=1 $(CARGO) test $(LOCKED) --no-fail-fast
+	$(CARGO) bench $(LOCKED) --bench standing
 
 # The host check proves that nothing asks for `std` features; only the bare-metal one proves that nothing links `std`.
 .PHONY: no-std

@@ -44,7 +44,7 @@ struct Kozadaev2017 {
     seed: u64,
 
     /// A real unit that stood still, in place of the simulated one: a log, a folder with imu.csv, or an imu.csv[.gz]; at least
-    /// 300 s. The receiver stays simulated. Not together with --multi-stop, as such a unit does not drive
+    /// 300 s. Runs are slices of it, which overlap where it is short: standard errors count those that do not. The receiver stays simulated. Not together with --multi-stop, as such a unit does not drive
     #[arg(long, value_name = "LOG", conflicts_with = "multi_stop")]
     imu: Option<PathBuf>,
 
@@ -157,6 +157,15 @@ fn record(path: &Path) -> Result<StaticRecord, Failure> {
         return Err(refuse(
             "no_imu_samples",
             "no inertial samples are in it".into(),
+        ));
+    }
+    if let Some(leap) = StaticRecord::leap(&samples) {
+        return Err(refuse(
+            "not_one_record",
+            format!(
+                "the stamps leap by {:.1} s after {:.1} s of the record",
+                leap.by_s, leap.after_s
+            ),
         ));
     }
     let mut inertial = samples.iter().filter(|s| s.is_inertial()).map(Sample::time);

@@ -13,6 +13,8 @@ use serde::Serialize;
 pub(crate) struct Reproduced {
     pub(crate) paper: &'static str,
     pub(crate) runs: usize,
+    /// So many of them share no inertial sample: standard errors are those of so few.
+    pub(crate) independent_runs: usize,
     pub(crate) seed: u64,
     /// What a reader must know of the experiment beyond the paper.
     pub(crate) assumptions: Vec<String>,
@@ -29,11 +31,12 @@ pub(crate) struct Row {
     pub(crate) published: Option<f64>,
     /// `None` where the number has no meaning.
     pub(crate) ours: Option<f64>,
-    /// Of ours, over repetitions of the whole experiment with other seeds.
+    /// Of ours, over repetitions of the whole experiment with other seeds; `None` where one run is independent.
     pub(crate) standard_error: Option<f64>,
     /// What the filter itself states of this error, root mean square over the runs.
     pub(crate) stated: Option<f64>,
-    /// No unbiased estimate from the same data is better than this (Cramér–Rao).
+    /// No linear estimate from the same data is better than this, and none at all were all errors Gaussian (Cramér–Rao); `None` where
+    /// it is not known.
     pub(crate) limit: Option<f64>,
-    pub(crate) note: Option<&'static str>,
+    pub(crate) note: Option<String>,
 }

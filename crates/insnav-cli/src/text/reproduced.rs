@@ -6,7 +6,8 @@ use crate::reproduce::{Reproduced, Row};
 /// The report of `reproduce`.
 pub(crate) fn reproduced(r: &Reproduced) -> String {
     let mut text = format!(
-        "{}, {} runs, seed {}\n± is the standard error, [in brackets] what was published, limit the Cramér–Rao bound\n",
+        "{}, {} runs, seed {}\n± is the standard error, [in brackets] what was published; NEES ~3: of honest sigmas 3;\n\
+         limit: no linear estimate is better\n",
         r.paper, r.runs, r.seed
     );
     let mut notes: Vec<&str> = Vec::new();
@@ -18,13 +19,34 @@ pub(crate) fn reproduced(r: &Reproduced) -> String {
         text.push_str("\nnotes\n");
     }
     for (i, note) in notes.iter().enumerate() {
-        text.push_str(&format!("  {}  {note}\n", i + 1));
+        text.push_str(&wrapped(&format!("{:>3}  ", i + 1), note));
     }
     text.push_str("\nassumptions\n");
     for line in &r.assumptions {
-        text.push_str(&format!("  {line}\n"));
+        text.push_str(&wrapped("  ", line));
     }
     text
+}
+
+/// A page is so wide.
+const WIDTH: usize = 120;
+
+/// A sentence on lines no longer than [`WIDTH`], indented to what stands before it.
+fn wrapped(before: &str, sentence: &str) -> String {
+    let indent = " ".repeat(before.chars().count());
+    let mut text = String::new();
+    let mut line = before.to_owned();
+    for word in sentence.split(' ') {
+        let fits = line.chars().count() + 1 + word.chars().count() <= WIDTH;
+        if !fits && !line.trim().is_empty() {
+            text.push_str(line.trim_end());
+            text.push('\n');
+            line.clone_from(&indent);
+        }
+        line.push_str(word);
+        line.push(' ');
+    }
+    text + line.trim_end() + "\n"
 }
 
 fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
@@ -37,14 +59,14 @@ fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     list
 }
 
-/// Two tables, errors and honesty: variants down, quantities across.
+/// Two tables that fit a page, motion and heading: variants down, quantities across.
 fn table<'a>(case: &str, rows: &[&'a Row], notes: &mut Vec<&'a str>) -> String {
     let quantities = distinct(rows.iter().map(|row| row.quantity));
-    let (honesty, errors): (Vec<&str>, Vec<&str>) = quantities
+    let (heading, motion): (Vec<&str>, Vec<&str>) = quantities
         .iter()
-        .partition(|q| q.contains("nees") || q.contains("sigma"));
-    let mut text = lines(cells(case, "errors", rows, &errors, notes));
-    text.push_str(&lines(cells(case, "honesty", rows, &honesty, notes)));
+        .partition(|q| q.contains("heading") || q.contains("gyro"));
+    let mut text = lines(cells(case, "motion", rows, &motion, notes));
+    text.push_str(&lines(cells(case, "heading", rows, &heading, notes)));
     text
 }
 
@@ -70,7 +92,7 @@ fn cells<'a>(
         };
         table.push(line(variant, &mut |q| {
             let row = find(q)?;
-            let mark = row.note.map(|note| number(note, notes));
+            let mark = row.note.as_deref().map(|note| number(note, notes));
             Some(ours(row, mark))
         }));
         let published = |q: &str| Some(format!("[{}]", find(q)?.published?));
@@ -79,8 +101,8 @@ fn cells<'a>(
         }
     }
     let limit = |q: &str| {
-        let first = rows.iter().find(|row| row.quantity == q)?;
-        first.limit.map(short)
+        let mut of = rows.iter().filter(|row| row.quantity == q);
+        of.find_map(|row| row.limit).map(short)
     };
     if quantities.iter().any(|q| limit(q).is_some()) {
         table.push(line("limit", &mut |q| limit(q)));
@@ -146,12 +168,12 @@ fn heading(quantity: &str) -> &str {
         "roll_pitch_rms_deg" => "roll/pitch °",
         "heading_end_rms_deg" => "heading °",
         "heading_end_sigma_deg" => "its sigma °",
-        "heading_end_nees" => "NEES, 1 expected",
+        "heading_end_nees" => "NEES ~1",
         "heading_growth_rms_deg" => "growth °",
-        "attitude_nees" => "att NEES, 3 expected",
-        "position_nees" => "pos NEES, 3 expected",
+        "attitude_nees" => "att NEES ~3",
+        "position_nees" => "pos NEES ~3",
         "gyro_bias_z_rms_deg_per_s" => "bias z °/s",
-        "gyro_bias_nees" => "bias NEES, 3 expected",
+        "gyro_bias_nees" => "bias NEES ~3",
         other => other,
     }
 }
@@ -171,13 +193,14 @@ mod tests {
             standard_error: Some(0.0341),
             stated: None,
             limit: Some(0.5),
-            note: Some("held"),
+            note: Some("held".into()),
         };
         let text = reproduced(&Reproduced {
             paper: "kozadaev2017",
             runs: 100,
+            independent_runs: 100,
             seed: 1,
-            assumptions: vec!["none".into()],
+            assumptions: vec!["none".into(), "long words ".repeat(40)],
             rows: vec![
                 row("paper_exact", Some(0.475), Some(0.51)),
                 row("basic", None, None),
@@ -195,5 +218,7 @@ mod tests {
             assert!(text.contains(part), "{part} in {text}");
         }
         assert_eq!(text.matches("held").count(), 1);
+        assert_eq!(text.matches("long words").count(), 40);
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH));
     }
 }

@@ -73,6 +73,26 @@ fn names_are_those_of_the_contract_whatever_the_number_of_threads_and_the_figure
     assert_eq!(row("paper_exact", "heading_end_rms_deg")["published"], 0.51);
     let limit = row("static", "heading_end_rms_deg")["limit"].as_f64();
     assert!((limit.unwrap() - 0.5).abs() < 1e-3, "the start's 0.5°");
+    // Errors that are scaled to what a run shows have another limit than those that are not, and a stated sigma has none.
+    for (variant, quantity, known) in [
+        ("static", "horizontal_rms_m", false),
+        ("static_coloured_gnss", "horizontal_rms_m", true),
+        ("static", "heading_end_sigma_deg", false),
+    ] {
+        assert_eq!(
+            row(variant, quantity)["limit"].is_f64(),
+            known,
+            "{variant} {quantity}"
+        );
+    }
+    let naive = row("zupt_zihr_naive", "heading_end_rms_deg")["note"].as_str();
+    assert!(
+        naive.is_some_and(|note| note.contains("measured force")),
+        "{naive:?}"
+    );
+    let page = insnav(base.iter().copied().chain(["--jobs", "2"]));
+    let widest = page.stdout.lines().map(|line| line.chars().count()).max();
+    assert!(widest <= Some(120), "{widest:?}:\n{}", page.stdout);
 
     let svg = std::fs::read_to_string(folder.path("heading.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
@@ -136,6 +156,25 @@ fn what_cannot_be_done_is_said() {
     );
 }
 
+/// One stamp years ahead.
+#[test]
+fn stamps_that_leap_are_no_record() {
+    let folder = Folder::new();
+    let mut table = String::from("t_s,gx,gy,gz,ax,ay,az\n");
+    for i in 0..8000 {
+        let t = f64::from(i) * 0.05 + if i == 4000 { 3e8 } else { 0.0 };
+        table.push_str(&format!("{t},0,0,0,0,0,-9.8\n"));
+    }
+    std::fs::write(folder.path("imu.csv"), table).unwrap();
+    let path = folder.text("imu.csv");
+    let done = insnav_json(["reproduce", "kozadaev2017", "--imu", &path]);
+    let (message, _) = done.failed(1, "not_one_record");
+    assert!(
+        message.contains("imu.csv") && message.contains("after 199.9"),
+        "{message}"
+    );
+}
+
 /// A car on a road shows one tilt over a drive, and is no unit at rest.
 #[test]
 fn a_drive_is_no_unit_at_rest() {
@@ -192,4 +231,8 @@ fn a_real_unit_at_rest_takes_the_place_of_the_simulated_one() {
     }
     let assumptions = json["assumptions"].to_string();
     assert!(assumptions.contains("noise floor"), "{assumptions}");
+    // Twelve minutes are two stops of five; of a real unit no limit is known but that of what stands still.
+    assert_eq!(json["independent_runs"], 2);
+    assert_eq!(value("static", "heading_end_rms_deg", "limit"), None);
+    assert_eq!(value("static", "velocity_rms_m_per_s", "limit"), Some(0.0));
 }

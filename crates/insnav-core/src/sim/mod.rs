@@ -32,7 +32,7 @@ pub use rocking::{BodyTurn, Rocking, RockingErrors, RockingTone, to_increments};
 pub use scenario::Scenario;
 pub use simulation::{Simulation, Truth};
 pub use stop_trial::{
-    HeadingPoint, MeanSquares, StaticRecord, StopEndErrors, StopErrors, StopFlags, StopSetting,
-    StopTrial, StopVariant, Turning,
+    HeadingPoint, Leap, MeanSquares, StaticRecord, StopEndErrors, StopErrors, StopFlags,
+    StopSetting, StopTrial, StopVariant, Turning,
 };
 pub use trajectory::{Kinematics, Trajectory};

@@ -12,14 +12,16 @@
 //! # Ok::<(), insnav_core::error::Error>(())
 //! ```
 
+mod continuity;
 mod errors;
 mod record;
 mod setting;
 mod trial;
 mod variant;
 
+pub use continuity::{Leap, Turning};
 pub use errors::{HeadingPoint, MeanSquares, StopEndErrors, StopErrors};
-pub use record::{StaticRecord, Turning};
+pub use record::StaticRecord;
 pub use setting::StopSetting;
 pub use trial::{StopFlags, StopTrial};
 pub use variant::StopVariant;

@@ -15,11 +15,6 @@ use nalgebra::Vector3;
 
 /// Length of the means from which the wander of the biases follows, s.
 const MEAN_S: f64 = 60.0;
-/// Length of the means by which a turn is seen, s.
-const STRETCH_S: f64 = 10.0;
-/// The mean rate of a unit at rest changes less from stretch to stretch, rad/s: 0.1 °/s, where the bias of a phone's gyro
-/// changes by a hundredth of it in 10 s, and a vehicle that drives turns by degrees a second.
-const MOST_CHANGE: f64 = 0.1 * core::f64::consts::PI / 180.0;
 /// Correlation time of the biases that the filter is told, s; that of the source's unit.
 const WANDER_TAU_S: f64 = 3600.0;
 
@@ -38,52 +33,18 @@ pub struct StaticRecord {
     scatter: [f64; 2],
 }
 
-/// Where a record that should be of a unit at rest turned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turning {
-    /// Since the first inertial sample, s: where the stretch begins whose mean rate is another.
-    pub after_s: f64,
-    /// Change of the mean rate from one stretch to the next, rad/s.
-    pub rate_change: f64,
-}
-
 impl StaticRecord {
-    /// The first change of the mean rate between neighbouring stretches of 10 s that is larger than a unit at rest can have.
-    /// Increments and aiding samples are passed over.
-    pub fn turning(samples: &[Sample]) -> Option<Turning> {
-        let rates = samples.iter().filter_map(|sample| match sample {
-            Sample::Imu(s) => Some((s.time, s.angular_rate_b)),
-            _ => None,
-        });
-        let mut first = None;
-        let mut sums: Vec<(usize, Vector3<f64>, f64)> = Vec::new();
-        for (time, rate) in rates {
-            let since = time.since(*first.get_or_insert(time));
-            let stretch = (since / STRETCH_S) as usize;
-            match sums.last_mut() {
-                Some(last) if last.0 == stretch => {
-                    last.1 += rate;
-                    last.2 += 1.0;
-                }
-                _ => sums.push((stretch, rate, 1.0)),
-            }
-        }
-        // Of a stretch that is not whole the mean has more noise.
-        let whole = sums.iter().map(|s| s.2).fold(0.0, f64::max);
-        sums.retain(|s| s.2 > 0.5 * whole);
-        sums.windows(2).find_map(|pair| {
-            let rate_change = (pair[1].1 / pair[1].2 - pair[0].1 / pair[0].2).norm();
-            (rate_change > MOST_CHANGE).then(|| Turning {
-                after_s: pair[1].0 as f64 * STRETCH_S,
-                rate_change,
-            })
-        })
+    /// How many stops of a setting fit into the record without a common sample: so many of any number of trials are independent
+    /// as far as the unit is concerned.
+    pub fn independent_trials(&self, setting: &StopSetting) -> usize {
+        (self.duration() / setting.stop_s) as usize
     }
 
     /// Of inertial samples in the order of time; others are passed over.
     ///
     /// # Errors
-    /// `NotObservable` for a record without three means of a minute, one that is not of rates, or one that turned.
+    /// `NotObservable` for a record without three means of a minute, one that is not of rates, one whose stamps leap, or one that
+    /// turned.
     pub fn new(samples: impl IntoIterator<Item = Sample>) -> Result<Self> {
         let refuse = |reason| Error::NotObservable {
             what: "the errors of a unit at rest",
@@ -91,6 +52,11 @@ impl StaticRecord {
         };
         let mut meter = NoiseMeter::default();
         let samples: Vec<Sample> = samples.into_iter().collect();
+        if Self::leap(&samples).is_some() {
+            return Err(refuse(
+                "its stamps leap by more than 5 s or run backward: it is not one record",
+            ));
+        }
         if Self::turning(&samples).is_some() {
             return Err(refuse(
                 "its mean rate changed by more than 0.1 °/s within 10 s: the unit did not stand still",
@@ -248,7 +214,7 @@ impl StaticRecord {
     }
 }
 
-/// Means over whole minutes.
+/// Means over whole minutes, of a record without leaps.
 fn minutes(record: &[ImuSample], of: fn(&ImuSample) -> Vector3<f64>) -> Vec<Vector3<f64>> {
     let Some(first) = record.first() else {
         return Vec::new();
@@ -256,16 +222,17 @@ fn minutes(record: &[ImuSample], of: fn(&ImuSample) -> Vector3<f64>) -> Vec<Vect
     let mut sums: Vec<(Vector3<f64>, f64)> = Vec::new();
     for s in record {
         let minute = (s.time.since(first.time) / MEAN_S) as usize;
-        sums.resize(sums.len().max(minute + 1), (Vector3::zeros(), 0.0));
-        sums[minute].0 += of(s);
-        sums[minute].1 += 1.0;
+        if minute >= sums.len() {
+            sums.push((Vector3::zeros(), 0.0));
+        }
+        if let Some(last) = sums.last_mut() {
+            last.0 += of(s);
+            last.1 += 1.0;
+        }
     }
     // The last one is not whole.
     sums.pop();
-    sums.iter()
-        .filter(|s| s.1 > 0.0)
-        .map(|s| s.0 / s.1)
-        .collect()
+    sums.iter().map(|s| s.0 / s.1).collect()
 }
 
 /// How a bias wanders.
@@ -375,5 +342,35 @@ mod tests {
             ..StopSetting::paper()
         };
         assert!(record.trial(&long, 0, 1, 1).is_err());
+    }
+
+    /// One stamp years ahead, one that runs backward: neither is one record, and neither costs memory.
+    #[test]
+    fn stamps_that_leap_are_refused() {
+        let samples = simulated(7);
+        assert_eq!(StaticRecord::leap(&samples), None);
+        for (by, at) in [(3e8, 30_000), (-2.0, 30_000), (5.1, 100)] {
+            let mut wild = samples.clone();
+            let mut inertial = wild.iter_mut().filter(|s| s.is_inertial());
+            let Some(Sample::Imu(s)) = inertial.nth(at) else {
+                panic!("rates");
+            };
+            s.time = s.time.plus(by);
+            let leap = StaticRecord::leap(&wild).expect("it leaps");
+            assert!((leap.by_s - by - 0.05).abs() < 1e-6, "{leap:?}");
+            assert!(
+                (leap.after_s - (at as f64 - 1.0) * 0.05).abs() < 1e-6,
+                "{leap:?}"
+            );
+            let error = StaticRecord::new(wild).unwrap_err().to_string();
+            assert!(error.contains("leap"), "{error}");
+        }
+    }
+
+    /// An hour has room for twelve stops of five minutes, whatever is asked of it.
+    #[test]
+    fn slices_that_share_samples_are_not_independent() {
+        let record = StaticRecord::new(simulated(8)).expect("an hour at rest");
+        assert!((11..=12).contains(&record.independent_trials(&StopSetting::paper())));
     }
 }

@@ -1,5 +1,8 @@
 //! Kozadaev & Makarenko 2017, table of section 4: what a filter makes of a stop of 300 s.
 
+mod limits;
+mod published;
+
 use super::figure::{Figure, Panel, Series};
 use super::spread::spread;
 use super::{Reproduced, Row};
@@ -9,6 +12,8 @@ use insnav_core::sim::{
     MeanSquares, StaticRecord, StopEndErrors, StopErrors, StopFlags, StopSetting, StopVariant,
 };
 use insnav_log::RunError;
+use limits::Limits;
+use published::{Published, note};
 
 /// What is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,15 +116,33 @@ impl Experiment {
         let limits = Limits::of(self);
         let rows = variants()
             .enumerate()
-            .flat_map(|(i, variant)| self.rows(i, variant, &limits))
+            .flat_map(|(i, variant)| self.rows(i, variant, &limits.of_variant(variant)))
             .collect();
         Reproduced {
             paper: "kozadaev2017",
             runs: self.request.runs,
+            independent_runs: self.independent_runs(),
             seed: self.request.seed,
             assumptions: self.assumptions(),
             rows,
         }
+    }
+
+    /// Runs that share no inertial sample; slices of a record that overlap show the same errors of the unit again.
+    fn independent_runs(&self) -> usize {
+        let room = self.request.record.as_ref().map_or(usize::MAX, |record| {
+            record.independent_trials(&StopSetting::paper())
+        });
+        self.request.runs.min(room)
+    }
+
+    /// A standard error over the runs as one over those that are independent. For what comes from the receiver, which is drawn
+    /// anew for each run, it is too large.
+    fn honest(&self, ours: &Estimate) -> Option<f64> {
+        let independent = self.independent_runs();
+        let wider = (self.request.runs as f64 / independent as f64).sqrt();
+        let error = ours.standard_error.and_then(|error| finite(error * wider));
+        error.filter(|_| independent > 1)
     }
 
     fn of(&self, variant: usize) -> impl Iterator<Item = &StopErrors> {
@@ -140,17 +163,18 @@ impl Experiment {
             quantity,
             published,
             ours: finite(ours.value),
-            standard_error: ours.standard_error.and_then(finite),
+            standard_error: self.honest(&ours),
             stated: stated.and_then(finite),
             limit,
             note: note(self.case, variant, quantity),
         };
         // An error over the stops, beside what the filter states of it.
-        let over_stops = |quantity, of: fn(&MeanSquares) -> f64, unit: f64, published, limit| {
-            let ours = rms(&|e| of(&e.standing) * unit * unit);
-            let stated = rms(&|e| of(&e.standing_stated) * unit * unit).value;
-            row(quantity, ours, published, Some(stated), Some(limit))
-        };
+        let over_stops =
+            |quantity, of: fn(&MeanSquares) -> f64, unit: f64, published, limit: Option<f64>| {
+                let ours = rms(&|e| of(&e.standing) * unit * unit);
+                let stated = rms(&|e| of(&e.standing_stated) * unit * unit).value;
+                row(quantity, ours, published, Some(stated), limit)
+            };
         let deg = 1f64.to_degrees();
         let counted = |e: &StopErrors| -> Vec<StopEndErrors> { self.counted_ends(e).to_vec() };
         // A mean over the ends of stops that count.
@@ -180,7 +204,7 @@ impl Experiment {
                 |m| m.velocity,
                 1.0,
                 published.map(|p| p.velocity),
-                0.0,
+                Some(0.0),
             ),
             over_stops(
                 "roll_pitch_rms_deg",
@@ -194,15 +218,9 @@ impl Experiment {
                 heading,
                 published.map(|p| p.heading),
                 Some(sigma.value),
-                Some(limits.heading),
+                limits.heading,
             ),
-            row(
-                "heading_end_sigma_deg",
-                sigma,
-                None,
-                None,
-                Some(limits.heading),
-            ),
+            row("heading_end_sigma_deg", sigma, None, None, None),
             row(
                 "heading_end_nees",
                 mean(&|e| ends(e, &|s| (s.heading_error / s.heading_sigma).powi(2))),
@@ -267,9 +285,18 @@ impl Experiment {
              errors come out, so that those are no confirmation"
                 .to_owned(),
             "static_coloured_gnss and static_white_gnss have the same errors unscaled, since scaled ones are no Gauss–Markov \
-             process; limits are those of the former"
+             process"
+                .to_owned(),
+            "receiver: 9 % of the variance of velocities (30 % of their size) is a Gauss–Markov error of 10 s, the rest white"
                 .to_owned(),
         ];
+        if self.case == Case::Stop {
+            list.push(
+                "limits are the standard deviations of static_coloured_gnss, which for one stop of the simulated unit are the \
+                 least of any linear estimate; those of the position hold for the unscaled receiver alone"
+                    .to_owned(),
+            );
+        }
         if let Some(record) = &self.request.record {
             let noise = record.noise();
             let sigma = record.sigma();
@@ -280,6 +307,13 @@ impl Experiment {
                 noise.accel_white,
                 sigma.gyro_bias.x.to_degrees(),
                 sigma.accel_bias.x,
+            ));
+            list.push(format!(
+                "{} runs are slices of a record of {:.0} s, of which {} share no sample: standard errors are those of so few runs, \
+                 and too large for what the receiver alone decides",
+                self.request.runs,
+                record.duration(),
+                self.independent_runs()
             ));
         } else {
             list.push(
@@ -337,127 +371,6 @@ impl Experiment {
 
 fn finite(x: f64) -> Option<f64> {
     x.is_finite().then_some(x)
-}
-
-/// The least errors that the data allow: standard deviations that the filter with states for all that is correlated states,
-/// which for this linear Gaussian problem is the exact posterior.
-struct Limits {
-    horizontal: f64,
-    height: f64,
-    roll_pitch: f64,
-    heading: f64,
-}
-
-impl Limits {
-    fn of(experiment: &Experiment) -> Self {
-        let index = variants().position(|v| v == StopVariant::StaticColouredGnss);
-        let index = index.expect("it is among the variants that are compared");
-        let root = |of: &dyn Fn(&StopErrors) -> f64| {
-            let all: Vec<f64> = experiment.of(index).map(of).collect();
-            Estimate::root_mean_square(&all).value
-        };
-        let deg = 1f64.to_degrees();
-        Limits {
-            horizontal: root(&|e| e.standing_stated.horizontal),
-            height: root(&|e| e.standing_stated.height),
-            roll_pitch: root(&|e| e.standing_stated.roll_pitch) * deg,
-            heading: root(&|e| {
-                let ends = experiment.counted_ends(e);
-                ends.iter().map(|s| s.heading_sigma.powi(2)).sum::<f64>() / ends.len() as f64
-            }) * deg,
-        }
-    }
-}
-
-/// A column of the paper's table.
-#[derive(Clone, Copy)]
-struct Published {
-    horizontal: f64,
-    height: f64,
-    velocity: f64,
-    roll_pitch: f64,
-    heading: f64,
-}
-
-impl Published {
-    /// Table of section 4: "modelled data" and "data of real subsystems".
-    fn of(case: Case, variant: StopVariant) -> Option<Self> {
-        let column = |[horizontal, height, velocity, roll_pitch, heading]: [f64; 5]| Published {
-            horizontal,
-            height,
-            velocity,
-            roll_pitch,
-            heading,
-        };
-        let numbers = match (case, variant) {
-            (Case::Stop, StopVariant::Basic) => [1.65, 2.37, 0.07, 0.19, 7.2],
-            (Case::Stop, StopVariant::ZuptZihrBiasOnly) => [1.3, 1.71, 0.01, 0.11, 1.23],
-            (Case::Stop, StopVariant::PaperExact | StopVariant::PaperVarianceOnly) => {
-                [1.3, 1.71, 0.01, 0.11, 0.51]
-            }
-            (Case::RealImu, StopVariant::Basic) => [1.79, 2.56, 0.08, 0.23, 8.31],
-            (Case::RealImu, StopVariant::ZuptZihrBiasOnly) => [1.42, 1.93, 0.012, 0.13, 1.37],
-            (Case::RealImu, StopVariant::PaperExact | StopVariant::PaperVarianceOnly) => {
-                [1.42, 1.93, 0.012, 0.13, 0.51]
-            }
-            _ => return None,
-        };
-        Some(column(numbers))
-    }
-}
-
-/// Why a number is not the published one, or not what one would expect.
-fn note(case: Case, variant: StopVariant, quantity: &str) -> Option<&'static str> {
-    use StopVariant as V;
-    let simulated = case != Case::RealImu;
-    match (variant, quantity) {
-        (V::Basic, "heading_end_rms_deg") if case == Case::Stop => Some(
-            "7.2° cannot come out: integrating the stated sensors freely gives 4.2° when the Gauss–Markov bias starts at zero and \
-             12.1° when it is stationary, which the paper does not say; noise of the measured force in the error dynamics then \
-             turns the heading further. It tells of that start, not of a method",
-        ),
-        (V::Basic, "heading_end_nees") if simulated => {
-            Some("far above 1: noise of the measured force makes the heading falsely observable")
-        }
-        (
-            V::Basic | V::ZuptZihrBiasOnly | V::PaperExact | V::PaperVarianceOnly,
-            "heading_end_rms_deg",
-        ) if case == Case::RealImu => {
-            Some("another unit than the paper's: its published column is for orientation only")
-        }
-        (V::ZuptZihrBiasOnly, "heading_end_rms_deg") if case == Case::Stop => {
-            Some("measured force in the error dynamics, as the paper's basic system has it")
-        }
-        (V::ZuptZihrNaive, "heading_end_sigma_deg") if simulated => Some(
-            "over-pessimistic: the same noise is in the rate that is measured and in the heading, which this gain ignores",
-        ),
-        (V::PaperExact, "heading_end_rms_deg") if case == Case::Stop => {
-            Some("the initial error of 0.5°, held: no method can do better here")
-        }
-        (V::PaperVarianceOnly, "heading_end_rms_deg") if case == Case::Stop => Some(
-            "a first stop has no covariances to lose; drives between stops show the difference (--multi-stop)",
-        ),
-        (
-            V::Basic | V::ZuptZihrBiasOnly | V::PaperExact | V::PaperVarianceOnly,
-            "velocity_rms_m_per_s",
-        ) if case == Case::Stop && variant != V::Basic => Some(
-            "follows from the noise given to the zero velocity alone, which the paper does not state (0.02 m/s at 100 Hz here, \
-             0.1 m/s gives the published 0.01)",
-        ),
-        (V::PaperExactMeasuredForce, "heading_growth_rms_deg") => {
-            Some("negative control: the measured force in the error dynamics turns a held heading")
-        }
-        (V::StaticWhiteGnss, "position_nees") => Some(
-            "negative control: time-correlated errors taken as white make the position far too sure",
-        ),
-        (_, "position_nees") if variant != V::StaticColouredGnss => Some(
-            "positions taken as white: too sure of them, by the receiver's time-correlated part",
-        ),
-        (_, "heading_end_rms_deg") if case == Case::MultiStop => {
-            Some("ends of the stops after the first, pooled")
-        }
-        _ => None,
-    }
 }
 
 #[cfg(test)]
