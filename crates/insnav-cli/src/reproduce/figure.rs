@@ -12,10 +12,12 @@ pub(super) struct Figure {
 /// One pair of axes; the vertical one fits what is drawn.
 pub(super) struct Panel {
     pub(super) title: &'static str,
+    /// What the vertical axis shows, with its unit.
+    pub(super) axis: &'static str,
     pub(super) series: Vec<Series>,
 }
 
-/// A line: time in seconds, value and half width of its band in degrees.
+/// A line: time in seconds, value and half width of its band in the unit of the axis.
 pub(super) struct Series {
     pub(super) name: &'static str,
     pub(super) points: Vec<[f64; 3]>,
@@ -142,12 +144,13 @@ impl Panel {
             "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" stroke=\"black\"/>\n\
              <text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\">time, s</text>\n\
              <text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n\
-             <text transform=\"translate({text_x:.1} {text_y:.1}) rotate(-90)\" text-anchor=\"middle\">heading error, °</text>",
+             <text transform=\"translate({text_x:.1} {text_y:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
             right - left,
             bottom - top,
             bottom + 38.0,
             top - 10.0,
-            escaped(self.title)
+            escaped(self.title),
+            escaped(self.axis)
         );
     }
 }
@@ -241,6 +244,7 @@ mod tests {
             about: "",
             panels: vec![Panel {
                 title: "one",
+                axis: "heading error, °",
                 series: vec![
                     Series {
                         name: "rising",

@@ -2,9 +2,11 @@
 
 mod figure;
 mod kozadaev2017;
+mod lobusov2014;
 mod spread;
 
 pub(crate) use kozadaev2017::{Experiment, Request};
+pub(crate) use lobusov2014::{DriftExperiment, DriftRequest};
 
 use serde::Serialize;
 

@@ -20,7 +20,7 @@ pub use startup::Startup;
 #[cfg(feature = "std")]
 pub use stops::{
     AlignmentMethod, AlignmentOptions, AlignmentResult, Record, Refusal, StopReport, StopWindow,
-    Taper, align,
+    Taper, align, rate_limit,
 };
 
 use crate::filter::InitialSigma;

@@ -12,6 +12,7 @@
 //! # Ok::<(), insnav_core::error::Error>(())
 //! ```
 
+mod drift_trial;
 mod drive;
 mod gnss;
 mod imu;
@@ -24,6 +25,7 @@ mod simulation;
 mod stop_trial;
 mod trajectory;
 
+pub use drift_trial::{DriftCase, DriftErrors, DriftPoint, DriftTrial, DriftVariant};
 pub use drive::{Body, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};
 pub use imu::{ImuErrorModel, ImuModel, ImuOutput};

@@ -352,10 +352,12 @@ impl Experiment {
             panels: vec![
                 Panel {
                     title: "nothing holds the heading",
+                    axis: "heading error, °",
                     series: series(&[StopVariant::Basic, StopVariant::Zupt]),
                 },
                 Panel {
                     title: "the heading is held",
+                    axis: "heading error, °",
                     series: series(&[
                         StopVariant::ZuptZihrBiasOnly,
                         StopVariant::ZuptZihrNaive,

@@ -224,9 +224,9 @@ fn spans(record: &Record, stops: &[StopWindow]) -> Result<Vec<Span>> {
     stops.iter().map(|s| record.span(s.begin, s.end)).collect()
 }
 
-/// Standard deviation of a level rate by one stop of so many seconds, tilt and velocity free: the Cramér–Rao limit
+/// Standard deviation (rad/s) of a level rate by one stop of `length` s, tilt and velocity free: the Cramér–Rao limit
 /// σ² = (N²/T)/(1 − tanh u/u), u = T/2λ, λ = N_v/(g N).
-pub(super) fn limit_of_rate(noise: &ImuNoise, gravity: f64, length: f64) -> f64 {
+pub fn rate_limit(noise: &ImuNoise, gravity: f64, length: f64) -> f64 {
     let lambda = noise.accel_white / (gravity * noise.gyro_white);
     let u = 0.5 * length / lambda;
     // 1 − tanh u/u → u²/3 for small u.
@@ -296,7 +296,7 @@ impl Task<'_> {
     fn predicted_azimuth_sigma(&self) -> f64 {
         let noise = &self.options.noise;
         let (g, horizontal) = (self.place.gravity, self.place.horizontal_rate());
-        let rate = |span: &Span| limit_of_rate(noise, g, self.length(*span));
+        let rate = |span: &Span| rate_limit(noise, g, self.length(*span));
         let best = self.spans.iter().map(rate).fold(f64::INFINITY, f64::min);
         let tilt = self.place.tan_latitude * noise.accel_bias_sigma / g;
         let single = (best / horizontal)
@@ -409,7 +409,7 @@ impl Task<'_> {
             .into());
         }
         let error = largest * self.options.gyro_scale_sigma * self.place.horizontal_rate();
-        let noise = limit_of_rate(
+        let noise = rate_limit(
             &self.options.noise,
             self.place.gravity,
             self.length(self.spans[0]),

@@ -21,7 +21,7 @@ mod result;
 mod standing;
 mod sway;
 
-pub use align::{AlignmentOptions, StopWindow, align};
+pub use align::{AlignmentOptions, StopWindow, align, rate_limit};
 pub use record::Record;
 pub use refusal::Refusal;
 pub use result::{AlignmentMethod, AlignmentResult, StopReport};
