@@ -78,6 +78,7 @@ impl DriftExperiment {
         Reproduced {
             paper: "lobusov2014",
             runs: self.request.runs,
+            independent_runs: self.request.runs,
             seed: self.request.seed,
             assumptions: assumptions(),
             rows: self.parts.iter().flat_map(Part::rows).collect(),
@@ -160,7 +161,7 @@ impl Part {
             standard_error: None,
             stated: None,
             limit: None,
-            note: note(self.case, self.east, variant),
+            note: note(self.case, self.east, variant).map(str::to_owned),
         }
     }
 
@@ -270,7 +271,7 @@ fn note(case: DriftCase, east: bool, variant: DriftVariant) -> Option<&'static s
             "these drifts have no part along east, so that the azimuth is right before any correction: the azimuth's half of \
              ZUPT-1 is tested by the other set",
         ),
-        (DriftCase::RealisticNoise, _) => Some(
+        (DriftCase::RealisticNoise, DriftVariant::Paper) => Some(
             "the paper's per cents are those of a unit without noise: 1.4 % of 1e-7 rad/s in two stops of 160 s takes less than \
              1e-4 °/√h",
         ),

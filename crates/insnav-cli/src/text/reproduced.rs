@@ -59,20 +59,27 @@ fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     list
 }
 
-/// Two tables that fit a page, motion and heading: variants down, quantities across.
+/// Tables that fit a page, motion and heading apart where there are both: variants down, quantities across.
 fn table<'a>(case: &str, rows: &[&'a Row], notes: &mut Vec<&'a str>) -> String {
     let quantities = distinct(rows.iter().map(|row| row.quantity));
     let (heading, motion): (Vec<&str>, Vec<&str>) = quantities
         .iter()
         .partition(|q| q.contains("heading") || q.contains("gyro"));
-    let mut text = lines(cells(case, "motion", rows, &motion, notes));
-    text.push_str(&lines(cells(case, "heading", rows, &heading, notes)));
+    if heading.is_empty() {
+        return lines(cells(case, rows, &motion, notes));
+    }
+    let mut text = lines(cells(&format!("{case}, motion"), rows, &motion, notes));
+    text.push_str(&lines(cells(
+        &format!("{case}, heading"),
+        rows,
+        &heading,
+        notes,
+    )));
     text
 }
 
 fn cells<'a>(
-    case: &str,
-    what: &str,
+    title: &str,
     rows: &[&'a Row],
     quantities: &[&str],
     notes: &mut Vec<&'a str>,
@@ -83,8 +90,7 @@ fn cells<'a>(
             .chain(cells)
             .collect::<Vec<String>>()
     };
-    let title = format!("{case}, {what}");
-    let mut table = vec![line(&title, &mut |q| Some(heading(q).to_owned()))];
+    let mut table = vec![line(title, &mut |q| Some(heading(q).to_owned()))];
     for variant in distinct(rows.iter().map(|row| row.variant)) {
         let find = |quantity: &str| {
             let mut all = rows.iter().copied();
@@ -174,6 +180,14 @@ fn heading(quantity: &str) -> &str {
         "position_nees" => "pos NEES ~3",
         "gyro_bias_z_rms_deg_per_s" => "bias z °/s",
         "gyro_bias_nees" => "bias NEES ~3",
+        "drift_error_percent" => "drift, %",
+        "drift_error_right_percent" => "right",
+        "drift_error_forward_percent" => "forward",
+        "drift_error_up_percent" => "up",
+        "azimuth_error_arcmin" | "azimuth_rms_arcmin" => "azimuth ′",
+        "drift_rms_nrad_per_s" => "drift, nrad/s",
+        "drift_vertical_rms_nrad_per_s" => "vertical",
+        "velocity_max_m_per_s" => "velocity after an hour, m/s",
         other => other,
     }
 }

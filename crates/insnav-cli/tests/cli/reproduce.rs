@@ -236,3 +236,71 @@ fn a_real_unit_at_rest_takes_the_place_of_the_simulated_one() {
     assert_eq!(value("static", "heading_end_rms_deg", "limit"), None);
     assert_eq!(value("static", "velocity_rms_m_per_s", "limit"), Some(0.0));
 }
+
+/// The bars of the paper's scenario, from the table that users see; names are those of the contract.
+#[test]
+fn drifts_of_lobusov2014_come_out_and_its_figures_are_drawn() {
+    let folder = Folder::new();
+    let plot = folder.text("drifts.svg");
+    let done = insnav_json([
+        "reproduce",
+        "lobusov2014",
+        "--runs",
+        "12",
+        "--seed",
+        "3",
+        "--plot",
+        &plot,
+    ]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    let rows = json["rows"].as_array().unwrap();
+    let ours = |case: &str, variant: &str, quantity: &str| {
+        let row = rows
+            .iter()
+            .find(|r| r["case"] == case && r["variant"] == variant && r["quantity"] == quantity);
+        row.unwrap_or_else(|| panic!("{case} {variant} {quantity}"))["ours"]
+            .as_f64()
+            .expect("a number")
+    };
+    for suffix in ["no_east", "east"] {
+        for (case, drift, azimuth) in [
+            ("static_noise_free", 0.01, 0.002),
+            ("sway_noise_free", 0.1, 0.05),
+            ("quantised", 0.2, 0.05),
+            ("accel_bias", 0.01, 0.005),
+            ("zupt2", 0.01, 0.001),
+        ] {
+            let case = format!("{case}_{suffix}");
+            let error = ours(&case, "joint", "drift_error_percent");
+            assert!((0.0..=drift).contains(&error), "{case}: {error}");
+            let error = ours(&case, "joint", "azimuth_error_arcmin");
+            assert!(error.abs() <= azimuth, "{case}: {error}");
+        }
+        // The paper's equations are worse by orders of magnitude, and not by accident.
+        let paper = ours(
+            &format!("static_noise_free_{suffix}"),
+            "paper",
+            "drift_error_percent",
+        );
+        assert!((0.2..12.0).contains(&paper), "{paper}");
+    }
+    for (suffix, without) in [("no_east", 1.80), ("east", 3.54)] {
+        let case = format!("free_run_{suffix}");
+        let velocity = |variant| ours(&case, variant, "velocity_max_m_per_s");
+        assert!(velocity("joint") <= 1e-6, "{}", velocity("joint"));
+        let free = velocity("uncompensated");
+        assert!((free / without - 1.0).abs() <= 0.01, "{free}");
+    }
+    // Standard errors of 12 runs are 0.15 of the value: three of them.
+    for (variant, quantity, stated) in [
+        ("kalman", "drift_rms_nrad_per_s", 18.1),
+        ("joint", "drift_rms_nrad_per_s", 20.7),
+        ("kalman", "azimuth_rms_arcmin", 1.73),
+    ] {
+        let value = ours("realistic_noise", variant, quantity);
+        assert!((value / stated - 1.0).abs() < 0.45, "{variant} {value}");
+    }
+    let svg = std::fs::read_to_string(&plot).unwrap();
+    assert!(svg.ends_with("</svg>\n") && svg.contains("Schuler") && !svg.contains("NaN"));
+}
