@@ -334,13 +334,13 @@ fn the_covariance_stays_positive_in_every_mode() {
     }
     let zihr = declared(StationaryMode::Zihr, &[[5.0, 26.0]]);
     for gain in [HeadingRateGain::BiasOnly, HeadingRateGain::Naive] {
-        let mut config = zihr.clone();
+        let mut config = zihr;
         config.stationary.heading_rate = gain;
         cases.push(config);
     }
     let mut hold = declared(StationaryMode::HeadingHold, &[[5.0, 26.0]]);
     hold.stationary.bookkeeping = Bookkeeping::VarianceOnly;
-    cases.push(hold.clone());
+    cases.push(hold);
     hold.stationary.force = StandingForce::Measured;
     hold.stationary.heading_row = HeadingRow::Euler;
     cases.push(hold);
