@@ -185,3 +185,50 @@ fn mistakes_in_a_scenario_are_named() {
     let own = good.text("drive.toml");
     insnav_json(["simulate", &own, "-o", &own, "--force"]).failed(1, "output_is_input");
 }
+
+/// Coarse gyros end to end: simulated, run, told in the summary, stop by stop; and a unit without steps is not accused.
+#[test]
+fn steps_of_gyros_are_told() {
+    for (step, warned) in [("0.57", true), ("0", false)] {
+        let folder = with_scenario(|line| {
+            // White noise of 0.17 °/s a sample: nine of ten would be equal.
+            line.replace(
+                "#gyro_step_deg_per_s = 0 ",
+                &format!("gyro_step_deg_per_s = {step} "),
+            )
+            .replace(
+                "#gyro_arw_deg_per_sqrt_hour = 0.5",
+                "gyro_arw_deg_per_sqrt_hour = 1",
+            )
+        });
+        simulate(&folder, "drive.mcap", &[]);
+        let (log, out) = (folder.text("drive.mcap"), folder.text("out.mcap"));
+        let run = insnav_json(["run", &log, "-o", &out]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        let run = run.json();
+        let stops = run["stops"].as_array().unwrap();
+        assert!(stops.len() >= 3, "{stops:?}");
+        for stop in stops {
+            assert_eq!(stop["mode"], "static");
+            for axis in 0..3 {
+                let told = stop["gyro_step_deg_per_s"][axis].as_f64().unwrap();
+                let repeats = stop["gyro_repeats"][axis].as_bool().unwrap();
+                assert!(told == 0.0 || (told / 0.57 - 1.0).abs() < 1e-3, "{stop}");
+                assert_eq!(told > 0.0 || repeats, warned, "{stop}");
+            }
+        }
+        // A step of 0.57 °/s, uniform, is 592 °/h, and the consumer class 500 °/h. Later stops begin with what the drive told.
+        for sigma in stops[0]["sigma_gyro_bias_deg_per_hour"].as_array().unwrap() {
+            let sigma = sigma.as_f64().unwrap();
+            assert_eq!(sigma > 400.0, warned, "{sigma}");
+            assert!(!(100.0..=400.0).contains(&sigma), "{sigma}");
+        }
+        let warnings = run["warnings"].as_array().unwrap();
+        let told = warnings.iter().find(|w| w["code"] == "gyro_quantised");
+        assert_eq!(told.is_some(), warned, "{warnings:?}");
+        if let Some(told) = told {
+            let message = told["message"].as_str().unwrap();
+            assert!(message.contains("0.570°/s"), "{message}");
+        }
+    }
+}

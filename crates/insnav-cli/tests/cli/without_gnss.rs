@@ -4,6 +4,7 @@ use crate::fixture::{
     Folder, drive, insnav, insnav_json, messages, recordings, rewrite, write_log,
 };
 use insnav_core::sample::Sample;
+use insnav_log::{Log, ReadOptions};
 use serde_json::Value;
 
 fn inertial() -> Vec<Sample> {
@@ -136,6 +137,27 @@ fn a_log_in_motion_is_refused_before_it_is_read() {
     assert!(message.contains("rest"), "{message}");
     assert!(remedy.contains("without any motion"), "{remedy}");
     assert_eq!(folder.names(), ["moving.mcap"], "nothing is left behind");
+}
+
+/// A motorway, smooth for a second at a time, at 25 m/s and more: no start anywhere in the minute.
+#[test]
+fn a_motorway_is_no_rest() {
+    let Some(recording) = recordings("mcap_real/comma2k19_ros2_none.mcap") else {
+        return;
+    };
+    let log = Log::open(&recording, ReadOptions::default()).unwrap();
+    let samples = log.samples().unwrap().map(|s| s.unwrap());
+    let all: Vec<Sample> = samples.filter(Sample::is_inertial).collect();
+    let folder = Folder::new();
+    for skip in 0..10 {
+        let begin = all[0].time().plus(5.0 * f64::from(skip));
+        let later: Vec<Sample> = all.iter().filter(|s| s.time() >= begin).copied().collect();
+        let name = format!("motorway_{skip}.mcap");
+        write_log(&folder.path(&name), &later);
+        let done = insnav_json(["run", &folder.text(&name), "--imu-only"]);
+        let (message, _) = done.failed(1, "no_rest");
+        assert!(message.contains("do not begin with rest"), "{message}");
+    }
 }
 
 #[test]

@@ -60,6 +60,9 @@ pub struct Alignment {
     pub heading_source: HeadingSource,
     /// When the heading became known (the run itself begins at the first sample).
     pub heading_at: Time,
+    /// Before this instant nothing says whether the mean rates are biases or a slow turn: they changed where the inertial data
+    /// alone had to show rest. `None` where they were steady.
+    pub rates_doubtful_until: Option<Time>,
     /// True when the vehicle was found to drive backwards where its course was taken.
     pub reversing: bool,
 }

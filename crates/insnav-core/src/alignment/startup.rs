@@ -14,6 +14,7 @@ use crate::filter::InitialSigma;
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::mechanization::NavState;
 use crate::sample::{GnssPosition, GnssVelocity, Sample};
+use crate::stationary::GyroSteps;
 use crate::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -35,7 +36,7 @@ const REST_AGAIN: f64 = 1.0;
 const PRIOR_WIDENING: f64 = 10.0;
 
 /// Why a run without GNSS cannot begin.
-const NO_REST: &str = "the inertial data do not begin with a second of rest";
+const NO_REST: &str = "the inertial data do not begin with rest: a second without any motion, or four of a vehicle that stands with its engine on";
 
 /// Samples since the first, and the search for a start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -203,7 +204,7 @@ impl Startup {
         self.sort();
         let imu = inertial(&self.samples);
         let begin = imu.first()?.time;
-        let rest = rest_at_begin(&imu).filter(|rest| rest.over || hurry)?;
+        let rest = rest_at_begin(&imu, &self.noise).filter(|rest| rest.over || hurry)?;
         let told = self.samples.iter().find_map(|s| match s {
             Sample::Heading(h) => Some((h.heading, h.sigma)),
             _ => None,
@@ -232,6 +233,9 @@ impl Startup {
             .rate_sigma
             .hypot(0.1 * self.noise.gyro_bias_sigma)
             .hypot(EARTH_RATE * direction);
+        let rounding = self.rounding(&imu);
+        let gyro_sigma =
+            Vector3::from_fn(|k, _| gyro_sigma.hypot(rounding[k]).hypot(rest.rate_doubt[k]));
         Some(Alignment {
             nav: NavState {
                 time: begin,
@@ -247,12 +251,13 @@ impl Startup {
                 position: Vector3::zeros(),
                 velocity: Vector3::repeat(REST_VELOCITY),
                 attitude: Vector3::new(tilt_sigma, tilt_sigma, heading_sigma),
-                gyro_bias: Vector3::repeat(gyro_sigma),
+                gyro_bias: gyro_sigma,
                 accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
             },
             standing_s: rest.span,
             heading_source,
             heading_at: begin,
+            rates_doubtful_until: rest.doubtful_until,
             reversing: false,
         })
     }
@@ -274,9 +279,13 @@ impl Startup {
             rate + level.q_level.inverse_transform_vector(&earth_down)
         });
         let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
+        let rounding = match bias {
+            Some(_) => self.rounding(&imu),
+            None => Vector3::zeros(),
+        };
         // What the gyros add while they carry the heading back.
         let rate_sigma = bias.map_or(self.noise.gyro_bias_sigma, |(_, sigma)| {
-            sigma + self.noise.gyro_bias_sigma * 0.1
+            (sigma + self.noise.gyro_bias_sigma * 0.1).hypot(rounding.amax())
         });
         let tilt = Tilt {
             begin,
@@ -296,7 +305,20 @@ impl Startup {
         let mut alignment = self.assemble(&imu, &fix, &level, &course, heading_sigma, bias);
         let position = &mut alignment.sigma.position;
         *position = position.sup(&(scatter * 2.0));
+        let gyro_bias = &mut alignment.sigma.gyro_bias;
+        *gyro_bias = gyro_bias.zip_map(&rounding, f64::hypot);
         Some(alignment)
+    }
+
+    /// What the steps of the gyros' values do to their mean at rest, standard deviations, rad/s.
+    fn rounding(&self, imu: &[Inertial]) -> Vector3<f64> {
+        let mut steps = GyroSteps::new(self.noise.gyro_bias_sigma);
+        let mut last = None;
+        for s in imu {
+            steps.push(last.map_or(0.0, |last| s.time.since(last)), &s.rate_b);
+            last = Some(s.time);
+        }
+        steps.rounding().sigma
     }
 
     /// A standing rate above this is no bias but a turn, rad/s.
@@ -377,6 +399,7 @@ impl Startup {
             standing_s: level.standing_s,
             heading_source: course.source,
             heading_at: course.at,
+            rates_doubtful_until: None,
             reversing: course.reversing,
         }
     }

@@ -14,6 +14,11 @@ pub(crate) const ZERO_VELOCITY: f64 = 0.002;
 const ZERO_VELOCITY_ON_FOOT: f64 = 0.01;
 
 /// What a filter makes of a stop.
+///
+/// Two things are left to none of them but [`Off`](Self::Off). While the heading is known to no better than 0.5 rad, stops are held as by `static`: in the
+/// others the Earth's rate, seen in the tilt, would pass for a sight of the heading, which a linear filter turns into false
+/// certainty. And while nothing says whether the gyros' mean at the start was rest or a slow turn, they are held as by `zupt`,
+/// which takes no mean rate for a bias about the vertical. A [`StopRecord`](crate::stationary::StopRecord) says how it was held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StationaryMode {

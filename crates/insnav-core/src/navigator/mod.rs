@@ -283,6 +283,7 @@ impl Navigator {
         else {
             return Ok(());
         };
+        self.standing.doubt_rates(alignment.rates_doubtful_until);
         sink.event(&Event::Started(alignment));
         let mut samples = startup.into_samples();
         // What came before the first inertial sample has served the alignment.
@@ -471,7 +472,7 @@ impl Navigator {
         }
         let observed = self
             .standing
-            .observe(&self.detector.gyro_step(), filter, sink);
+            .observe(&self.detector.rounding(), filter, sink);
         failed = failed.or(observed.err());
         if let Some(outcome) = self
             .nonholonomic

@@ -14,6 +14,7 @@ use crate::imu::ImuNoise;
 use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::Sink;
+use crate::stationary::Rounding;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::{Matrix3, Vector3};
@@ -52,9 +53,10 @@ pub(super) struct Resting {
     behind: f64,
     misfits: u32,
     worst: f64,
-    /// Steps in which the gyros' values come, as last told, and whether the bias has been widened for them.
-    gyro_step: Vector3<f64>,
-    widened: [bool; 3],
+    /// What the steps in which the gyros' values come do to their means, as last told.
+    rounding: Rounding,
+    /// Whether a mean has been used that was taken to be finer than that.
+    taught: [bool; 3],
     took_back: bool,
 }
 
@@ -82,8 +84,8 @@ impl Resting {
             behind: 0.0,
             misfits: 0,
             worst: 0.0,
-            gyro_step: Vector3::zeros(),
-            widened: [false; 3],
+            rounding: Rounding::default(),
+            taught: [false; 3],
             took_back: false,
         }
     }
@@ -120,7 +122,7 @@ impl Resting {
     /// Once a second: what the means say.
     pub(super) fn observe(
         &mut self,
-        gyro_step: &Vector3<f64>,
+        rounding: &Rounding,
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
@@ -128,7 +130,7 @@ impl Resting {
         if self.sum.dt < MEAN {
             return Ok(());
         }
-        self.gyro_step = *gyro_step;
+        self.rounding = *rounding;
         self.use_means(filter, sink)
     }
 
@@ -188,10 +190,11 @@ impl Resting {
     /// Give the bias back, once, what means taught of it before the steps were seen.
     fn widen(&mut self, filter: &mut Eskf) {
         let mut extra = Matrix3::zeros();
-        for (axis, widened) in self.widened.iter_mut().enumerate() {
-            let step = self.gyro_step[axis];
-            if step > 0.0 && !core::mem::replace(widened, true) {
-                extra[(axis, axis)] = step * step / 12.0;
+        for (axis, taught) in self.taught.iter_mut().enumerate() {
+            if self.rounding.step[axis] <= 0.0 {
+                *taught |= self.rounding.sigma[axis] <= 0.0;
+            } else if core::mem::take(taught) {
+                extra[(axis, axis)] = self.rounding.sigma[axis].powi(2);
             }
         }
         filter.covariance_mut().add(GYRO_BIAS, &extra);
@@ -209,8 +212,8 @@ impl Resting {
         let white = self.gyro_white * self.gyro_white / sum.dt;
         let heading = filter.attitude_covariance_n()[(2, 2)];
         let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
-        // A mean of coarse steps is off by as much as they are apart, uniformly, however long it is taken.
-        let mut lasting = self.gyro_step.map(|step| step * step / 12.0);
+        // A mean of coarse steps is off by up to half of one, however long it is taken; one value that repeats tells nothing.
+        let mut lasting = self.rounding.sigma.map(|sigma| sigma * sigma);
         if !earth_rate_tells {
             let nav = &filter.nominal().nav;
             let horizontal = earth_rate_n(nav.position.latitude).x;

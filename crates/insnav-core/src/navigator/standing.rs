@@ -9,7 +9,7 @@ use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::{Event, Motion, Sink};
-use crate::stationary::{Evidence, StopEnd, StopRecord, Witness};
+use crate::stationary::{Evidence, LOOK_AHEAD, Rounding, StopEnd, StopRecord, Witness};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
@@ -28,6 +28,10 @@ const MISFIT_SPEED: f64 = 1.0;
 const HEARD_FLOOR: f64 = 0.2;
 /// After a stop that what was measured contradicts, none is believed for so long, s.
 const DISTRUST: f64 = 3.0;
+
+/// A heading known no better than this is an unknown one, rad: beyond, the Earth's rate about an axis that is off by so much is
+/// no linear matter any more (its cosine is off by an eighth).
+const UNKNOWN_HEADING: f64 = 0.5;
 
 /// Leads the filter through stops.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -49,6 +53,10 @@ pub(super) struct Standing {
     heard_moving: u32,
     /// Since when the mean rate says that a body that was declared to stand turns.
     turning_since: Option<Time>,
+    /// Up to here nobody knows whether the gyros show their biases or a slow turn.
+    doubtful_until: Option<Time>,
+    /// Whether stops are stances of a foot: they are over before the Earth has turned.
+    stances: bool,
 }
 
 /// The stop that lasts.
@@ -62,6 +70,8 @@ struct Stop {
     misfit: Misfit,
     /// Of a held attitude.
     turned: Misfit,
+    /// What rounding may do to the bias learnt meanwhile, rad/s.
+    rounding: Vector3<f64>,
 }
 
 /// NIS of late of what is told while standing.
@@ -87,7 +97,15 @@ impl Standing {
             declared: false,
             heard_moving: 0,
             turning_since: None,
+            doubtful_until: None,
+            stances: config.window_s.is_some_and(|window| window < LOOK_AHEAD),
         }
+    }
+
+    /// Take no mean rate for a bias before this instant.
+    #[cfg(feature = "std")]
+    pub(super) fn doubt_rates(&mut self, until: Option<Time>) {
+        self.doubtful_until = until;
     }
 
     /// Since when the body stands, as far as the solution is concerned.
@@ -122,6 +140,10 @@ impl Standing {
         if self.is_turning(&evidence, now) {
             let nis = MISFIT_NIS * evidence.mean_rate;
             return self.contradict(nis, 0.0, filter, sink);
+        }
+        if self.doubtful_until.is_some_and(|until| now >= until) {
+            self.doubtful_until = None;
+            self.enter_anew(filter, sink)?;
         }
         match (detected, &self.stop) {
             (Motion::Moving, Some(_)) => {
@@ -170,25 +192,7 @@ impl Standing {
             evidence,
         });
         let (before, sigma_before) = (heading(filter), heading_sigma(filter));
-        let mut mode = self.config.mode;
-        let mut outcome = Ok(());
-        let mut corrected = None;
-        match mode {
-            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => {}
-            StationaryMode::HeadingHold => outcome = filter.hold_heading(self.config.bookkeeping),
-            StationaryMode::AttitudeHold => outcome = filter.hold_attitude(),
-            StationaryMode::Auto | StationaryMode::Static => match self.resting.enter(filter) {
-                Ok(update) => corrected = Some(update),
-                Err(error) => outcome = Err(error),
-            },
-        }
-        // Without room for another state the velocity is still zero.
-        if outcome.is_err() {
-            mode = StationaryMode::Zupt;
-        }
-        if let Some(update) = corrected {
-            sink.update(&update);
-        }
+        let (mode, outcome) = self.enter(filter, sink);
         self.stop = Some(Stop {
             mode,
             record: StopRecord {
@@ -196,6 +200,7 @@ impl Standing {
                 held_from: now,
                 end: now,
                 ended_by: StopEnd::End,
+                mode,
                 evidence,
                 heading_before: before,
                 sigma_heading_before: sigma_before,
@@ -207,11 +212,58 @@ impl Standing {
                 gyro_bias: Vector3::zeros(),
                 sigma_gyro_bias: Vector3::zeros(),
                 gyro_step: Vector3::zeros(),
+                gyro_repeats: [false; 3],
             },
             elapsed: 0.0,
             misfit: Misfit::default(),
             turned: Misfit::default(),
+            rounding: Vector3::zeros(),
         });
+        outcome
+    }
+
+    /// Begin to hold what the mode says.
+    fn enter(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> (StationaryMode, Result<()>) {
+        let mode = self.mode_now(filter);
+        let outcome = match mode {
+            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => Ok(()),
+            StationaryMode::HeadingHold => filter.hold_heading(self.config.bookkeeping),
+            StationaryMode::AttitudeHold => filter.hold_attitude(),
+            StationaryMode::Auto | StationaryMode::Static => told(self.resting.enter(filter), sink),
+        };
+        // Without room for another state the velocity is still zero.
+        match outcome {
+            Ok(()) => (mode, outcome),
+            Err(_) => (StationaryMode::Zupt, outcome),
+        }
+    }
+
+    /// The mode of the settings, as far as what is known of gyros and heading bears it.
+    fn mode_now(&self, filter: &Eskf) -> StationaryMode {
+        let set = self.config.mode;
+        if set == StationaryMode::Off || self.stances {
+            set
+        } else if self.doubtful_until.is_some() {
+            StationaryMode::Zupt
+        } else if heading_sigma(filter) > UNKNOWN_HEADING {
+            StationaryMode::Static
+        } else {
+            set
+        }
+    }
+
+    /// The gyros are doubted no longer: a stop that lasts goes on as set.
+    fn enter_anew(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        let Some(mut stop) = self.stop.take() else {
+            return Ok(());
+        };
+        let mut outcome = Ok(());
+        // What else it was held by before has states of its own; it was not doubted then.
+        if stop.mode == StationaryMode::Zupt {
+            (stop.mode, outcome) = self.enter(filter, sink);
+            stop.record.mode = stop.mode;
+        }
+        self.stop = Some(stop);
         outcome
     }
 
@@ -261,17 +313,22 @@ impl Standing {
         }
     }
 
-    /// At an inertial sample: what standing says. `gyro_step`: steps in which the gyros' values come where these are coarse.
+    /// At an inertial sample: what standing says. `rounding`: what the gyros' steps do to their means.
     pub(super) fn observe(
         &mut self,
-        gyro_step: &Vector3<f64>,
+        rounding: &Rounding,
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
         let Some(stop) = &mut self.stop else {
             return Ok(());
         };
-        stop.record.gyro_step = stop.record.gyro_step.sup(gyro_step);
+        stop.rounding = stop.rounding.sup(&rounding.sigma);
+        let record = &mut stop.record;
+        record.gyro_step = record.gyro_step.sup(&rounding.step);
+        for (told, repeats) in record.gyro_repeats.iter_mut().zip(rounding.repeats) {
+            *told |= repeats;
+        }
         let dt = core::mem::take(&mut stop.elapsed);
         if dt <= 0.0 {
             return Ok(());
@@ -281,7 +338,7 @@ impl Standing {
             StationaryMode::Off => None,
             StationaryMode::Auto | StationaryMode::Static => {
                 let before = filter.nominal().nav.q_nb;
-                outcome = self.resting.observe(gyro_step, filter, sink);
+                outcome = self.resting.observe(rounding, filter, sink);
                 let followed = self.resting.took_back();
                 if followed {
                     // The body did turn: that is growth, not correction.
@@ -387,6 +444,17 @@ impl Standing {
             }
             StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => Ok(()),
         };
+        if !self.stances
+            && matches!(
+                stop.mode,
+                StationaryMode::Zupt
+                    | StationaryMode::Zihr
+                    | StationaryMode::HeadingHold
+                    | StationaryMode::AttitudeHold
+            )
+        {
+            widen_bias(&stop.rounding, filter);
+        }
         let (after, mut record) = (heading(filter), stop.record);
         record.end = filter.nominal().nav.time;
         self.earliest = Some(record.end);
@@ -405,6 +473,16 @@ impl Standing {
         sink.event(&Event::StopEnded(record));
         outcome
     }
+}
+
+/// What was learnt as bias was the rounded rate: under way, where noise and motion round off differently, it is another.
+fn widen_bias(rounding: &Vector3<f64>, filter: &mut Eskf) {
+    let Some(p) = filter.covariance().block(GYRO_BIAS, GYRO_BIAS) else {
+        return;
+    };
+    let lacks = |k: usize| (rounding[k].powi(2) - p[(k, k)]).max(0.0);
+    let extra = Matrix3::from_diagonal(&Vector3::from_fn(|k, _| lacks(k)));
+    filter.covariance_mut().add(GYRO_BIAS, &extra);
 }
 
 impl Misfit {

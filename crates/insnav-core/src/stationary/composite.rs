@@ -72,19 +72,19 @@ pub(super) fn energy_threshold(window: f64, low_pass: &LowPass, z: f64) -> f64 {
     of_squares(3.0, 6.0 / freedom, z)
 }
 
-/// GY of a mean over `span` seconds; infinite where the covariance is none. `step` is the gyros' step where it is coarse: their
-/// mean is known to a part of it only.
+/// GY of a mean over `span` seconds; infinite where the covariance is none. `rounding` is the standard deviation of what a mean
+/// of gyros with coarse steps is off by.
 pub(super) fn mean_rate(
     mean: &Vector3<f64>,
     span: f64,
     expected: &Vector3<f64>,
     expected_covariance: &Matrix3<f64>,
-    step: &Vector3<f64>,
+    rounding: &Vector3<f64>,
     noise: &RestNoise,
 ) -> f64 {
     let off = mean - expected;
     let own = noise.gyro_white.powi(2) / span.max(1e-6) + BIAS_WANDER * BIAS_WANDER;
-    let rounding = step.map(|s| s * s / 12.0);
+    let rounding = rounding.component_mul(rounding);
     let covariance =
         expected_covariance + Matrix3::from_diagonal(&(Vector3::repeat(own) + rounding));
     covariance

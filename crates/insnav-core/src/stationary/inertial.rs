@@ -3,7 +3,7 @@
 use super::composite;
 use super::low_pass::LowPass;
 use super::quantile::{ONE_IN_1E3, ONE_IN_1E4, ONE_IN_1E6};
-use super::quantised::GyroSteps;
+use super::quantised::{GyroSteps, Rounding};
 use super::rest_noise::RestNoise;
 use super::window::{Moments, Window};
 use super::{Belief, are, glrt, mag, mv};
@@ -97,7 +97,7 @@ impl InertialTests {
             low_pass: None,
             long: Window::new(length),
             short: (length >= LEAST_LONG).then(|| Window::new(SHORT)),
-            steps: GyroSteps::default(),
+            steps: GyroSteps::new(noise.gyro_bias),
             slow: SlowMean::default(),
             level: [1.0; 2],
         }
@@ -119,18 +119,18 @@ impl InertialTests {
         self.slow = SlowMean::default();
     }
 
-    pub(super) fn gyro_step(&self) -> Vector3<f64> {
-        self.steps.steps()
+    pub(super) fn rounding(&self) -> Rounding {
+        self.steps.rounding()
     }
 
     /// Where nothing is tested, the gyros' steps are still looked for.
-    pub(super) fn watch(&mut self, rate: &Vector3<f64>) {
-        self.steps.push(rate);
+    pub(super) fn watch(&mut self, dt: f64, rate: &Vector3<f64>) {
+        self.steps.push(dt, rate);
     }
 
     /// Take a sample that comes `dt` after the one before it.
     pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> Moved {
-        self.steps.push(rate);
+        self.steps.push(dt, rate);
         let mut moved = Moved::default();
         if self.intervals < FIRST_INTERVALS {
             self.intervals += 1;
@@ -210,13 +210,14 @@ impl InertialTests {
             ratios.variances = composite::variances(&m, None, &self.noise, low_pass);
             ratios.specific_force = ratios.variances[0] / thresholds[0];
             ratios.angular_rate = ratios.variances[1] / thresholds[1];
+            let rounding = self.rounding().sigma;
             let of = |mean: &Vector3<f64>, span: f64| {
                 composite::mean_rate(
                     mean,
                     span,
                     &belief.rate_b,
                     &belief.rate_covariance_b,
-                    &self.gyro_step(),
+                    &rounding,
                     &self.noise,
                 )
             };

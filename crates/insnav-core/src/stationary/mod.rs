@@ -22,7 +22,7 @@ mod window;
 pub use declared::Notice;
 pub use evidence::{Evidence, Witness};
 pub use gnss_speed::{GnssSpeed, Heard, STANDING_SPEED};
-pub use quantised::GyroSteps;
+pub use quantised::{GyroSteps, Rounding};
 pub use rest_noise::RestNoise;
 pub use stop_detector::{Belief, GAP, LOOK_AHEAD, StopDetector};
 pub use stop_record::{StopEnd, StopRecord};

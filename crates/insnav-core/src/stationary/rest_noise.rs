@@ -17,6 +17,8 @@ pub struct RestNoise {
     least_of_a_sample: [f64; 2],
     /// Standard deviation of what the accelerometer bias adds to |f|, m/s².
     pub accel_bias: f64,
+    /// Standard deviation of a gyro bias of which nothing is known, rad/s.
+    pub gyro_bias: f64,
 }
 
 /// Gravity may differ so much from its standard value, m/s² (9.780 at the equator, 9.832 at the poles).
@@ -42,6 +44,7 @@ impl RestNoise {
                 [0.0; 2]
             },
             accel_bias: noise.accel_bias_sigma.hypot(GRAVITY),
+            gyro_bias: noise.gyro_bias_sigma,
         }
     }
 

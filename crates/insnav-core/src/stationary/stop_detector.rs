@@ -3,6 +3,7 @@
 use super::declared::{Declared, Notice};
 use super::inertial::InertialTests;
 use super::learnt::Learnt;
+use super::quantised::Rounding;
 use super::rest_noise::RestNoise;
 use super::speed::{Said, SpeedWitness};
 use super::{Evidence, Witness};
@@ -212,9 +213,9 @@ impl StopDetector {
         self.evidence
     }
 
-    /// Steps in which the gyros' values come, rad/s, where these are coarser than their noise; else 0.
-    pub fn gyro_step(&self) -> Vector3<f64> {
-        self.tests.gyro_step()
+    /// What the steps in which the gyros' values come do to their means, where these are coarser than their noise.
+    pub fn rounding(&self) -> Rounding {
+        self.tests.rounding()
     }
 
     /// Something about declared stops that is worth telling, once.
@@ -242,7 +243,7 @@ impl StopDetector {
             self.end(last);
             self.tests.clear();
         } else if self.kind == DetectorKind::None {
-            self.tests.watch(&reading(dt).1);
+            self.tests.watch(dt, &reading(dt).1);
         } else {
             let (force, rate) = reading(dt);
             let moved = self.tests.push(dt, &force, &rate);

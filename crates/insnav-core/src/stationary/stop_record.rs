@@ -1,6 +1,7 @@
 //! A stop as it was.
 
 use super::Evidence;
+use crate::config::StationaryMode;
 use crate::time::Time;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,8 @@ pub struct StopRecord {
     pub end: Time,
     /// Why it ended.
     pub ended_by: StopEnd,
+    /// How it was held at its end, which is not always as set: see [`StationaryMode`].
+    pub mode: StationaryMode,
     /// What spoke for it when it was believed.
     pub evidence: Evidence,
     /// Heading just before the filter made use of it, rad.
@@ -54,4 +57,6 @@ pub struct StopRecord {
     pub sigma_gyro_bias: Vector3<f64>,
     /// Steps in which the gyros' values come, rad/s, where these are coarser than their noise; else 0.
     pub gyro_step: Vector3<f64>,
+    /// Whether a gyro repeated one value: its mean is then no more known to be its bias than by the class of the unit.
+    pub gyro_repeats: [bool; 3],
 }

@@ -171,7 +171,7 @@ impl RunError {
             RunError::Unusable { finding, .. } => finding.remedy.clone(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
             RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes, or navigate without them, from rest: `--imu-only`".into(),
-            RunError::NoRest { .. } => "let the recording begin with two seconds or more without any motion".into(),
+            RunError::NoRest { .. } => "let the recording begin with two seconds or more without any motion, four with the engine on".into(),
             RunError::NeedsGnss { option } => format!("leave out `{option}`, or `--imu-only` (`gnss.use = false`)"),
             RunError::AllWithheld { .. } => {
                 "leave fixes outside the intervals of `--withhold`, which count in seconds from the begin of the log".into()

@@ -12,7 +12,7 @@ use super::tally::{Tally, Totals};
 use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
-use insnav_core::config::{SigmaScale, VehicleKind};
+use insnav_core::config::{SigmaScale, StationaryMode, VehicleKind};
 use insnav_core::error::Error as CoreError;
 use insnav_core::navigator::Navigator;
 use insnav_core::sample::Sample;
@@ -123,7 +123,11 @@ impl Plan {
         }
         let mut warnings = self.warnings.clone();
         warnings.extend(tally.totals.unusable.warning());
-        warnings.extend(findings(&tally, self.imu_only.is_some()));
+        warnings.extend(findings(
+            &tally,
+            self.imu_only.is_some(),
+            self.config.stationary.mode,
+        ));
         warnings.extend(heading_matters(&tally, self.noise().gyro_bias_sigma));
         warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));
         let mut last = tally.last();
@@ -229,8 +233,40 @@ fn heading_matters<S: SolutionSink>(tally: &Tally<'_, S>, gyro_bias: f64) -> Opt
     })
 }
 
+/// Gyros whose mean at rest is not their bias: message and remedy.
+fn coarse_gyros(stops: &[StopReport]) -> Option<(String, &'static str)> {
+    let step = |s: &StopReport| s.gyro_step_deg_per_s.into_iter().fold(0.0, f64::max);
+    let coarsest = stops.iter().map(step).fold(0.0, f64::max);
+    if coarsest > 0.0 {
+        return Some((
+            format!(
+                "the gyros' values come in steps of {coarsest:.3}°/s, coarser than their noise: the mean at rest is not their bias, whose sigma was widened"
+            ),
+            "let the driver publish the gyros at their full resolution",
+        ));
+    }
+    let repeats = |axis: usize| stops.iter().any(|s| s.gyro_repeats[axis]);
+    let those: Vec<&str> = (0..3)
+        .filter(|k| repeats(*k))
+        .map(|k| ["x", "y", "z"][k])
+        .collect();
+    (!those.is_empty()).then(|| {
+        (
+            format!(
+                "gyro values repeat without any noise in stops ({}): their mean is not believed to be a bias",
+                those.join(", ")
+            ),
+            "check that the driver measures these axes, at full resolution, and does not repeat old values",
+        )
+    })
+}
+
 /// What the run itself brought to light.
-fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Warning> {
+fn findings<S: SolutionSink>(
+    tally: &Tally<'_, S>,
+    without_gnss: bool,
+    mode: StationaryMode,
+) -> Vec<Warning> {
     let mut found = Vec::new();
     let mut warn = |code, message: String, remedy: &str| {
         found.push(Warning {
@@ -311,15 +347,35 @@ fn findings<S: SolutionSink>(tally: &Tally<'_, S>, without_gnss: bool) -> Vec<Wa
             "check `--stop` and stationary.intervals_s, which count from the log's zero (t0), and the topic that declares standing",
         );
     }
-    let step = |s: &StopReport| s.gyro_step_deg_per_s.into_iter().fold(0.0, f64::max);
-    let coarsest = tally.stops().iter().map(step).fold(0.0, f64::max);
-    if coarsest > 0.0 {
+    if let Some((message, remedy)) = coarse_gyros(&tally.stops()) {
+        warn("gyro_quantised", message, remedy);
+    }
+    if let Some(until) = tally
+        .totals
+        .alignment
+        .and_then(|a| a.rates_doubtful_until_s)
+    {
         warn(
-            "gyro_quantised",
+            "rest_doubtful",
             format!(
-                "the gyros' values come in steps of {coarsest:.3}°/s, coarser than their noise: the mean at rest is not their bias, whose sigma was widened"
+                "the mean rate of the gyros changed while the vehicle seemed to rest at the start, before {until:.0} s: which of it was a slow turn they do not tell, so that the sigma of their biases is as large as the change"
             ),
-            "let the driver publish the gyros at their full resolution",
+            "let the recording begin with rest in which nothing turns",
+        );
+    }
+    let as_static = tally
+        .stops()
+        .iter()
+        .filter(|s| s.mode == StationaryMode::Static)
+        .count();
+    if as_static > 0 && !matches!(mode, StationaryMode::Static | StationaryMode::Auto) {
+        warn(
+            "held_as_static",
+            format!(
+                "{as_static} of {} stops held as by `static`: the heading was not known then, and other modes would grow falsely sure of it",
+                tally.stops().len()
+            ),
+            "give the heading with `--heading-deg`, or let the log begin with a stretch of driving",
         );
     }
     if let Some(a) = tally

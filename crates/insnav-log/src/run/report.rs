@@ -3,6 +3,7 @@
 use crate::Mounting;
 use insnav_core::alignment::HeadingSource;
 use insnav_core::attitude::wrap_angle;
+use insnav_core::config::StationaryMode;
 use insnav_core::filter::BlockInfo;
 use insnav_core::imu::ImuGrade;
 use insnav_core::noise_floor::NoiseFloor;
@@ -116,6 +117,8 @@ pub struct AlignmentReport {
     pub sigma_heading_deg: f64,
     /// Seconds of standing data that levelled the start; 0 when it was levelled in motion.
     pub standing_s: f64,
+    /// Before this, s, nothing says whether the gyros' means are biases or a slow turn; `None` where they were steady.
+    pub rates_doubtful_until_s: Option<f64>,
     /// Whether the vehicle drove backwards where its course was taken.
     pub reversing: bool,
     /// Where the heading came from.
@@ -135,6 +138,8 @@ pub struct StopReport {
     pub end_s: f64,
     /// Why it ended.
     pub ended_by: StopEnd,
+    /// How it was held at its end; not always as set.
+    pub mode: StationaryMode,
     /// Who said that the vehicle stood, and what the detector saw then.
     pub evidence: Evidence,
     /// Heading just before the filter made use of the stop, degrees.
@@ -157,6 +162,8 @@ pub struct StopReport {
     pub sigma_gyro_bias_deg_per_hour: [f64; 3],
     /// Steps in which the gyros' values come, degrees per second, where these are coarser than their noise; else 0.
     pub gyro_step_deg_per_s: [f64; 3],
+    /// Whether a gyro repeated one value: nothing is then learnt of its bias.
+    pub gyro_repeats: [bool; 3],
 }
 
 impl StopReport {
@@ -169,6 +176,7 @@ impl StopReport {
             held_from_s: stop.held_from.since(origin),
             end_s: stop.end.since(origin),
             ended_by: stop.ended_by,
+            mode: stop.mode,
             evidence: stop.evidence,
             heading_before_deg: compass(stop.heading_before),
             sigma_heading_before_deg: stop.sigma_heading_before.to_degrees(),
@@ -180,6 +188,7 @@ impl StopReport {
             gyro_bias_deg_per_hour: stop.gyro_bias.map(per_hour).into(),
             sigma_gyro_bias_deg_per_hour: stop.sigma_gyro_bias.map(per_hour).into(),
             gyro_step_deg_per_s: stop.gyro_step.map(f64::to_degrees).into(),
+            gyro_repeats: stop.gyro_repeats,
         }
     }
 
@@ -393,6 +402,7 @@ mod tests {
             held_from: Time::from_seconds(112.5),
             end: Time::from_seconds(150.0),
             ended_by: StopEnd::Motion,
+            mode: StationaryMode::Static,
             evidence: Evidence::default(),
             heading_before: deg(-0.5),
             sigma_heading_before: deg(0.4),
@@ -404,6 +414,7 @@ mod tests {
             gyro_bias: Vector3::new(0.0, 0.0, deg(10.0 / 3600.0)),
             sigma_gyro_bias: Vector3::repeat(deg(1.0 / 3600.0)),
             gyro_step: Vector3::zeros(),
+            gyro_repeats: [false; 3],
         };
         let told = StopReport::new(&stop, Time::from_seconds(100.0));
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9;

@@ -315,6 +315,7 @@ fn alignment(a: &Alignment, origin: Time) -> AlignmentReport {
         sigma_level_deg: a.sigma.attitude.x.max(a.sigma.attitude.y).to_degrees(),
         sigma_heading_deg: a.sigma.attitude.z.to_degrees(),
         standing_s: a.standing_s,
+        rates_doubtful_until_s: a.rates_doubtful_until.map(|until| until.since(origin)),
         reversing: a.reversing,
         heading_source: a.heading_source,
         heading_at_s: a.heading_at.since(origin),

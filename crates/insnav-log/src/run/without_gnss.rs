@@ -10,8 +10,8 @@ use insnav_core::config::Config;
 use insnav_core::error::Error as CoreError;
 use insnav_core::imu::ImuGrade;
 
-/// Rest is looked for in so much of the begin, s of samples: a second, and what a unit may need to come alive.
-const LOOK_S: f64 = 2.0;
+/// Rest is looked for in so much of the begin, s of samples: four seconds, and what a unit may need to come alive.
+const LOOK_S: f64 = 5.0;
 
 /// What only makes sense with fixes.
 pub(super) fn refuse_what_needs_it(options: &RunOptions) -> Result<(), RunError> {

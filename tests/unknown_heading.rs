@@ -1,0 +1,98 @@
+//! A body at rest does not show its heading to units like these: whatever mode holds a stop, a heading of which nothing is known
+//! stays unknown, and the gyro biases are told with what the Earth's rate, whose direction is unknown, leaves in them.
+
+mod at_rest;
+
+use at_rest::{AtRest, declared, gyro_bias_sigma, run, sigma};
+use insnav::attitude::wrap_angle;
+use insnav::config::StationaryMode;
+use insnav::filter::InitialSigma;
+use insnav::imu::{ImuErrors, ImuGrade, ImuNoise};
+use insnav::sim::{Source, Stream};
+use nalgebra::Vector3;
+
+const SEEDS: u64 = 20;
+
+/// Squared errors in sigmas at the end of two minutes, means over seeds: heading, and gyro bias per axis; and the least sigma of
+/// the heading, degrees, with the largest error in sigmas.
+fn nees(mode: StationaryMode, noise: ImuNoise, known: f64) -> (f64, f64, f64, f64) {
+    let (mut heading, mut bias, mut least, mut worst) = (0.0, 0.0, f64::INFINITY, 0.0_f64);
+    for seed in 0..SEEDS {
+        let mut source = Source::new(seed, Stream::GyroBias);
+        // Uniform over the circle, from a normal number of many turns; or normal, where it is roughly known.
+        let truth = if known > 100.0 {
+            wrap_angle(100.0 * source.normal()).to_degrees()
+        } else {
+            known * source.normal()
+        };
+        let body = AtRest {
+            attitude_deg: move |_| [1.0, -2.0, truth],
+            errors: ImuErrors {
+                gyro_bias: source.normal3() * noise.gyro_bias_sigma,
+                accel_bias: source.normal3() * noise.accel_bias_sigma,
+                ..ImuErrors::default()
+            },
+            noise,
+            gyro_step: 0.0,
+            seed,
+        };
+        let mut nav = body.nav();
+        nav.q_nb = insnav::attitude::Euler::from_degrees(1.0, -2.0, 0.0).to_quaternion();
+        let prior = InitialSigma {
+            gyro_bias: Vector3::repeat(noise.gyro_bias_sigma),
+            accel_bias: Vector3::repeat(noise.accel_bias_sigma),
+            ..sigma(known)
+        };
+        let config = declared(mode, &[[0.0, 120.0]]);
+        let record = run(&config, nav, &prior, &body.samples(120.0, 1.0));
+        let last = record.epochs[record.epochs.len() - 1];
+        let sigma = last.heading_sigma();
+        let off = wrap_angle(last.euler().heading - truth.to_radians()) / sigma;
+        heading += off * off / SEEDS as f64;
+        worst = worst.max(off.abs());
+        least = least.min(sigma.to_degrees());
+        let off = (last.imu_errors.gyro_bias - body.errors.gyro_bias)
+            .component_div(&gyro_bias_sigma(&last));
+        bias += off.norm_squared() / (3 * SEEDS) as f64;
+        if mode != StationaryMode::Off {
+            let held = record.stops[0].mode;
+            let expected = if known > 28.6 {
+                StationaryMode::Static
+            } else {
+                mode
+            };
+            assert_eq!(held, expected, "{mode:?}");
+        }
+    }
+    (heading, bias, least, worst)
+}
+
+#[test]
+fn no_mode_grows_sure_of_an_unknown_heading() {
+    let industrial = ImuGrade::Industrial.noise();
+    for mode in [
+        StationaryMode::Zupt,
+        StationaryMode::Zihr,
+        StationaryMode::HeadingHold,
+        StationaryMode::AttitudeHold,
+        StationaryMode::Static,
+    ] {
+        for known in [104.0, 40.0, 20.0] {
+            let (heading, bias, least, worst) = nees(mode, industrial, known);
+            println!(
+                "{mode:?}, heading known to {known}°: NEES of heading {heading:.2}, of gyro bias {bias:.2}; sigma at least {least:.1}°, error at most {worst:.1} sigmas"
+            );
+            // 20 degrees of freedom at one in a thousand; a uniform error has lighter tails. 60 of the biases.
+            assert!(
+                (0.3..2.27).contains(&heading),
+                "{mode:?}, {known}: {heading}"
+            );
+            assert!((0.5..1.66).contains(&bias), "{mode:?}, {known}: {bias}");
+            assert!(known < 100.0 || least > 95.0, "{mode:?}: {least}°");
+        }
+    }
+    // The control: a filter that is told nothing of the stop sees the heading in the noise of the specific force.
+    let (heading, _, least, _) = nees(StationaryMode::Off, industrial, 104.0);
+    println!("off: NEES of heading {heading:.2}, sigma at least {least:.1}°");
+    assert!(least < 80.0, "{least}°");
+}
