@@ -365,6 +365,23 @@ impl Run {
                 "send a log into it: `insnav run - -o out.mcap < drive.mcap`",
             ));
         }
+        let other = |job: &Job| {
+            let ending = job.output.extension()?.to_str()?.to_lowercase();
+            ExportFormat::from_name(&ending)
+        };
+        if let Some((job, format)) = jobs.iter().find_map(|job| Some((job, other(job)?))) {
+            return Err(Failure::usage(
+                format!(
+                    "{}: a solution is written as MCAP, and that is a name for {}",
+                    job.output.display(),
+                    format.name()
+                ),
+                format!(
+                    "give it the ending .mcap; `--also {}` writes the other beside it",
+                    format.name()
+                ),
+            ));
+        }
         if !self.also.is_empty() && jobs.iter().any(|job| is_standard_stream(&job.output)) {
             return Err(Failure::usage(
                 "--also writes beside the output, and standard output has no place",

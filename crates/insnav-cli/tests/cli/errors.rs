@@ -274,6 +274,8 @@ fn wrong_usage_ends_with_two() {
         vec!["run", "-", "-o", "x.mcap", "--time-offset", "auto"],
         vec!["run", "-"],
         vec!["run", "x.mcap", "-o", "-", "--also", "kml"],
+        vec!["run", "x.mcap", "-o", "x.csv"],
+        vec!["run", "x.mcap", "-o", "x.KML"],
         vec!["run", "x.mcap", "--jobs", "0"],
         vec!["compare", "a", "b", "--from", "nan"],
         vec!["compare", "a", "b", "--from", "5", "--to", "4"],

@@ -220,3 +220,24 @@ fn withholding_leaves_velocities_whatever_their_lag() {
     let (all, left) = (used(&whole, "gnss_velocity"), used(&half, "gnss_velocity"));
     assert!(left.abs_diff(all / 2) <= 2, "{left} of {all}");
 }
+
+/// Sigmas of a hundredth of what the fixes scatter by: what is refused for ten seconds and more is told as such.
+#[test]
+fn measurements_that_cannot_be_true_are_told() {
+    let folder = Folder::with_drive();
+    let told = |flags: &[&str]| {
+        let report = run(&folder, flags);
+        let all = report["warnings"].as_array().unwrap();
+        let one = all.iter().find(|w| w["code"] == "diverged").cloned();
+        (one, report["aiding"][0]["misfit"].clone())
+    };
+    assert_eq!(told(&[]), (None, Value::Null));
+    let (warning, misfit) = told(&["--set", "gnss.sigma_scale=0.01"]);
+    let message = warning.expect("a warning")["message"].to_string();
+    assert!(message.contains("gnss_position"), "{message}");
+    let lasts = misfit["end_s"].as_f64().unwrap() - misfit["begin_s"].as_f64().unwrap();
+    assert!(
+        lasts >= 10.0 && misfit["count"].as_u64().unwrap() >= 10,
+        "{misfit}"
+    );
+}

@@ -42,6 +42,13 @@ fn a_failure_is_one_entry_among_the_others() {
         assert!(runs[1]["error"]["remedy"].is_string() && runs[1]["error"]["message"].is_string());
         assert!(runs[0]["error"].is_null() && runs[3]["error"].is_null());
         ends.push((runs[0]["final"].clone(), runs[3]["final"].clone()));
+        // Whatever is wrong, the file is named.
+        let errors = done.stderr.lines().filter(|l| l.starts_with("error: "));
+        assert!(
+            errors.clone().count() == 3 && errors.clone().all(|l| l.contains(".mcap: ")),
+            "{}",
+            done.stderr
+        );
         assert!(
             done.stderr.contains("absent.mcap: no such file"),
             "{}",

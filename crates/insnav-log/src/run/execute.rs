@@ -301,8 +301,16 @@ fn findings<S: SolutionSink>(
     if e.too_late > 0 {
         warn(
             "late_aiding",
-            format!("{} fixes came too late to be used", e.too_late),
-            "check the receiver's latency and clock with `insnav info`",
+            format!(
+                "{} {} came too late to be used",
+                e.too_late,
+                if without_gnss { "samples" } else { "fixes" }
+            ),
+            if without_gnss {
+                "check the clocks of the topics that give them with `insnav info`"
+            } else {
+                "check the receiver's latency and clock with `insnav info`"
+            },
         );
     }
     if e.duplicates > 0 {
