@@ -5,6 +5,7 @@ use super::low_pass::LowPass;
 use super::quantile::{ONE_IN_1E3, ONE_IN_1E4, ONE_IN_1E6};
 use super::quantised::{GyroSteps, Rounding};
 use super::rest_noise::RestNoise;
+use super::tone::ToneWindow;
 use super::window::{Moments, Window};
 use super::{Belief, are, glrt, mag, mv};
 use crate::config::DetectorKind;
@@ -78,6 +79,7 @@ pub(super) struct InertialTests {
     intervals: u32,
     low_pass: Option<LowPass>,
     long: Window,
+    tone: ToneWindow,
     short: Option<Window>,
     steps: GyroSteps,
     slow: SlowMean,
@@ -96,6 +98,7 @@ impl InertialTests {
             intervals: 0,
             low_pass: None,
             long: Window::new(length),
+            tone: ToneWindow::default(),
             short: (length >= LEAST_LONG).then(|| Window::new(SHORT)),
             steps: GyroSteps::new(noise.gyro_bias),
             slow: SlowMean::default(),
@@ -106,6 +109,7 @@ impl InertialTests {
     pub(super) fn clear(&mut self) {
         self.forget_mean();
         self.long.clear();
+        self.tone.clear();
         if let Some(short) = &mut self.short {
             short.clear();
         }
@@ -146,6 +150,7 @@ impl InertialTests {
                 other => {
                     moved.anew = other.is_some();
                     self.long.clear();
+                    self.tone.clear();
                     if let Some(short) = &mut self.short {
                         short.clear();
                     }
@@ -162,6 +167,12 @@ impl InertialTests {
             rate = y.fixed_rows::<3>(3).into_owned();
         }
         moved.long = self.long.push(dt, &force, &rate);
+        if self.kind == DetectorKind::Composite {
+            self.tone.push(&force, &rate);
+            if moved.long {
+                self.tone.close(self.long.parts());
+            }
+        }
         if moved.long
             && let Some(part) = self.long.newest()
         {
@@ -231,6 +242,15 @@ impl InertialTests {
             (ratios.specific_force, ratios.angular_rate) = (force, rate);
         }
         Some(ratios)
+    }
+
+    /// LPMV and LPGV of the long window without the tone that explains most of it; infinite where there is no such thing.
+    pub(super) fn without_tone(&self) -> [f64; 2] {
+        let left = self
+            .low_pass
+            .as_ref()
+            .and_then(|low_pass| self.tone.variances(self.dt, &self.noise, low_pass));
+        left.unwrap_or([f64::INFINITY; 2])
     }
 
     /// Whether the last fifth of a second fits the stop that the long window shows: ratio to the threshold. 0 before there is

@@ -63,6 +63,8 @@ pub(super) struct LowPass {
     rate: f64,
     noise_bandwidth: f64,
     freedom: f64,
+    /// Of white noise behind it: between neighbours, and one further.
+    correlations: [f64; 2],
 }
 
 impl LowPass {
@@ -75,18 +77,22 @@ impl LowPass {
                 rate,
                 noise_bandwidth: 0.5 * rate,
                 freedom: rate,
+                correlations: [0.0; 2],
             };
         }
         let warped = (PI * CORNER / rate).tan();
         // |H|² and |H|⁴ over the frequency, midpoints; both are smooth, and flat at the ends. Eight corners up, 6e-8 is left.
         const STEPS: usize = 400;
         let df = (0.5 * rate).min(8.0 * CORNER) / STEPS as f64;
-        let (mut power, mut square) = (0.0, 0.0);
+        let (mut power, mut square, mut lagged) = (0.0, 0.0, [0.0; 2]);
         for i in 0..STEPS {
             let f = (i as f64 + 0.5) * df;
             let gain = 1.0 / (1.0 + ((PI * f / rate).tan() / warped).powi(8));
             power += gain * df;
             square += gain * gain * df;
+            for (lagged, lag) in lagged.iter_mut().zip([1.0, 2.0]) {
+                *lagged += gain * (2.0 * PI * f * lag / rate).cos() * df;
+            }
         }
         LowPass {
             sections: Some(QUALITY.map(|q| Section::new(warped, q))),
@@ -94,6 +100,7 @@ impl LowPass {
             rate,
             noise_bandwidth: power,
             freedom: 2.0 * power * power / square,
+            correlations: lagged.map(|l| l / power),
         }
     }
 
@@ -105,6 +112,11 @@ impl LowPass {
     /// One-sided noise bandwidth, Hz: white noise of density d leaves with the variance 2 B d².
     pub(super) fn noise_bandwidth(&self) -> f64 {
         self.noise_bandwidth
+    }
+
+    /// Correlation of that noise between neighbouring samples, and one further; `None` where nothing is taken away.
+    pub(super) fn correlations(&self) -> Option<[f64; 2]> {
+        self.sections.is_some().then_some(self.correlations)
     }
 
     /// Degrees of freedom of that variance per second of window: 2 (∫|H|²)² / ∫|H|⁴.

@@ -17,6 +17,7 @@ mod rest_noise;
 mod speed;
 mod stop_detector;
 mod stop_record;
+mod tone;
 mod window;
 
 pub use declared::Notice;

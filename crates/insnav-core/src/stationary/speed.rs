@@ -39,6 +39,8 @@ pub(super) struct Said {
     pub(super) fast_until: Option<Time>,
     /// Whether GNSS or wheels confirm that the body stands, without the filter.
     pub confirmed: bool,
+    /// Whether GNSS or wheels measure the speed at all.
+    pub measured: bool,
 }
 
 impl Said {
@@ -48,6 +50,7 @@ impl Said {
         before_entry: 0.0,
         fast_until: None,
         confirmed: false,
+        measured: false,
     };
 }
 
@@ -133,6 +136,7 @@ impl SpeedWitness {
             moving,
             before_entry: moving.unwrap_or(0.0).max(own),
             fast_until: self.fast_until,
+            measured: alive || wheels.is_some(),
             confirmed: (alive || wheels.is_some()) && moving.is_some_and(|m| m < 0.5),
         }
     }

@@ -313,8 +313,15 @@ impl StopDetector {
             mean_rate: ratios.mean_rate,
             speed,
         };
-        let quiet = ratios.specific_force.max(ratios.angular_rate) < 1.0;
         let lenient = ratios.variances.iter().all(|v| *v < LENIENT * fixed);
+        // An engine that sampling has brought down into the band: a tone, and nothing else. Where nobody measures the speed a
+        // road might be so.
+        let only_a_tone = || {
+            let left = self.tests.without_tone();
+            self.kind == DetectorKind::Composite && left.iter().all(|v| *v < fixed)
+        };
+        let quiet = ratios.specific_force.max(ratios.angular_rate) < 1.0
+            || (self.standing.is_none() && lenient && said.measured && only_a_tone());
         if self.standing.is_some() {
             if ratios.largest() >= 1.0 {
                 self.end(now);

@@ -132,6 +132,10 @@ impl Window {
     }
 
     /// The part that was added last.
+    pub(super) fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
     pub(super) fn newest(&self) -> Option<&Moments> {
         self.parts.back()
     }
