@@ -463,3 +463,64 @@ fn a_true_turn_in_a_declared_stop_is_followed_in_every_mode() {
         assert!(error.abs() < 2.0, "{mode:?}: {error}°");
     }
 }
+
+/// A body that turns by 2° in the last 0.8 s of a declared stop: the last mean of static mode is taken back as the stop is left.
+/// That is growth and no correction, and in every mode the two and what came at entry make the heading after of the one before.
+#[test]
+fn the_account_of_the_heading_closes_and_a_turn_is_growth() {
+    const TURN_DEG: f64 = 2.0;
+    let still = still(12);
+    let body = AtRest {
+        attitude_deg: |t: f64| {
+            let turned = TURN_DEG * ((t - 54.1) / 0.8).clamp(0.0, 1.0);
+            [1.0, -2.0, 359.0 + turned]
+        },
+        errors: still.errors,
+        noise: still.noise,
+        gyro_step: 0.0,
+        seed: 12,
+    };
+    let samples = body.samples(60.0, 1.0);
+    let account = |mode: StationaryMode| {
+        let record = run(
+            &declared(mode, &[[5.0, 55.0]]),
+            body.nav(),
+            &sigma(1.0),
+            &samples,
+        );
+        let [stop] = record.stops[..] else {
+            panic!("{mode:?}: {:?}", record.stops);
+        };
+        let whole = stop.heading_at_entry + stop.heading_growth + stop.heading_corrections;
+        let change = insnav::attitude::wrap_angle(stop.heading_after - stop.heading_before);
+        // Rounding of 15 000 bookings.
+        assert!((whole - change).abs() < 1e-10, "{mode:?}: {whole} {change}");
+        (
+            stop.heading_growth.to_degrees(),
+            stop.heading_corrections.to_degrees(),
+        )
+    };
+    let (growth, corrections) = account(StationaryMode::Static);
+    // 0.15 °/√h of a second, and what is left of a bias in it: 0.01°.
+    assert!((growth - TURN_DEG).abs() < 0.05, "{growth}");
+    // The five seconds before the stop had a bias in them, which the stop has shown; 0.006° of noise.
+    let drift = (body.q_nb(0.0) * body.errors.gyro_bias).z.to_degrees() * 5.0;
+    assert!(drift.abs() > 0.05, "{drift}");
+    assert!((corrections + drift).abs() < 0.02, "{corrections} {drift}");
+    // A held heading that does not fit is not believed: the turn is followed there too.
+    let (growth, _) = account(StationaryMode::HeadingHold);
+    assert!((growth - TURN_DEG).abs() < 0.1, "{growth}");
+    // What holds none has drift and turn from the gyros, and nobody to take them back.
+    let whole = TURN_DEG + 10.0 * drift;
+    for mode in [StationaryMode::Off, StationaryMode::Zupt] {
+        let (growth, corrections) = account(mode);
+        println!(
+            "{mode:?}: growth {growth:.3}°, corrections {corrections:.3}°, drift and turn {whole:.3}°"
+        );
+        assert!((growth - whole).abs() < 0.1, "{mode:?}: {growth}");
+    }
+    for mode in [StationaryMode::AttitudeHold, StationaryMode::Zihr] {
+        let (growth, corrections) = account(mode);
+        println!("{mode:?}: growth {growth:.3}°, corrections {corrections:.3}°");
+    }
+}

@@ -135,6 +135,9 @@ fn stops(stops: &[StopReport]) -> String {
                 StopEnd::End => "end of data",
             }
         ));
+        if s.pieces > 1 {
+            text.push_str(&format!(", in {} pieces", s.pieces));
+        }
     }
     if stops.len() > MOST_STOPS {
         let more = stops.len() - MOST_STOPS;

@@ -146,6 +146,7 @@ impl Resting {
 
     /// Rise: what was measured since the last mean is used, the velocity is what a body that starts may have.
     pub(super) fn leave(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        self.took_back = false;
         self.catch_up(filter);
         let outcome = if self.sum.dt >= SHORTEST {
             self.use_means(filter, sink)

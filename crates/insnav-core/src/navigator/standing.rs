@@ -9,11 +9,13 @@ use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
 use crate::solution::{Event, Motion, Sink};
-use crate::stationary::{Evidence, LOOK_AHEAD, Rounding, StopEnd, StopRecord, Witness};
+use crate::stationary::{
+    Evidence, HeadingLedger, LOOK_AHEAD, Rounding, StopEnd, StopRecord, Witness,
+};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
-use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Zero velocities, or attitudes held, that do not fit over so long, s, end a stop.
@@ -64,6 +66,7 @@ pub(super) struct Standing {
 struct Stop {
     mode: StationaryMode,
     record: StopRecord,
+    ledger: HeadingLedger,
     /// Time since the last sample, s.
     elapsed: f64,
     /// Of the zero velocity.
@@ -214,6 +217,7 @@ impl Standing {
                 gyro_step: Vector3::zeros(),
                 gyro_repeats: [false; 3],
             },
+            ledger: HeadingLedger::open(heading(filter)),
             elapsed: 0.0,
             misfit: Misfit::default(),
             turned: Misfit::default(),
@@ -283,7 +287,8 @@ impl Standing {
             return Ok(());
         }
         stop.elapsed += raw.dt;
-        let before = filter.nominal().nav.q_nb;
+        // What measurements from outside have done since.
+        stop.book_updates(filter);
         match stop.mode {
             StationaryMode::Off => filter.propagate(raw),
             StationaryMode::Auto | StationaryMode::Static => self.resting.pass(raw, filter),
@@ -294,12 +299,13 @@ impl Standing {
                 filter.propagate_standing(raw, self.config.force);
             }
         }
-        stop.record.heading_growth += turn_about_down(&before, &filter.nominal().nav.q_nb);
+        let mut outcome = Ok(());
         if stop.mode == StationaryMode::Zihr {
             // Before anything else is told: the noise that is in both has to be there still.
-            return told(self.zero_heading_rate.observe(raw.dt, filter), sink);
+            outcome = told(self.zero_heading_rate.observe(raw.dt, filter), sink);
         }
-        Ok(())
+        stop.ledger.grown(heading(filter));
+        outcome
     }
 
     /// Before a measurement from outside: the errors are brought up to the instant.
@@ -337,13 +343,11 @@ impl Standing {
         let contradicted = match stop.mode {
             StationaryMode::Off => None,
             StationaryMode::Auto | StationaryMode::Static => {
-                let before = filter.nominal().nav.q_nb;
+                stop.book_updates(filter);
                 outcome = self.resting.observe(rounding, filter, sink);
-                let followed = self.resting.took_back();
-                if followed {
-                    // The body did turn: that is growth, not correction.
-                    stop.record.heading_growth +=
-                        turn_about_down(&before, &filter.nominal().nav.q_nb);
+                if self.resting.took_back() {
+                    // The body did turn.
+                    stop.ledger.grown(heading(filter));
                 }
                 self.resting.contradiction()
             }
@@ -429,11 +433,19 @@ impl Standing {
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
-        let Some(stop) = self.stop.take() else {
+        let Some(mut stop) = self.stop.take() else {
             return Ok(());
         };
+        stop.book_updates(filter);
         let outcome = match stop.mode {
-            StationaryMode::Auto | StationaryMode::Static => self.resting.leave(filter, sink),
+            StationaryMode::Auto | StationaryMode::Static => {
+                let outcome = self.resting.leave(filter, sink);
+                if self.resting.took_back() {
+                    stop.ledger.grown(heading(filter));
+                }
+                stop.book_updates(filter);
+                outcome
+            }
             StationaryMode::HeadingHold => {
                 filter.release_heading(self.config.bookkeeping);
                 Ok(())
@@ -461,9 +473,8 @@ impl Standing {
         self.turning_since = None;
         self.heard_moving = 0;
         record.ended_by = ended_by;
-        record.heading_corrections = wrap_angle(
-            after - record.heading_before - record.heading_at_entry - record.heading_growth,
-        );
+        record.heading_growth = stop.ledger.growth();
+        record.heading_corrections = stop.ledger.corrections();
         record.heading_after = after;
         record.sigma_heading_after = heading_sigma(filter);
         record.gyro_bias = filter.nominal().imu_errors.gyro_bias;
@@ -483,6 +494,19 @@ fn widen_bias(rounding: &Vector3<f64>, filter: &mut Eskf) {
     let lacks = |k: usize| (rounding[k].powi(2) - p[(k, k)]).max(0.0);
     let extra = Matrix3::from_diagonal(&Vector3::from_fn(|k, _| lacks(k)));
     filter.covariance_mut().add(GYRO_BIAS, &extra);
+}
+
+impl Stop {
+    /// What was measured since the last booking, from outside or by the hold itself.
+    fn book_updates(&mut self, filter: &Eskf) {
+        let held = match self.mode {
+            StationaryMode::HeadingHold | StationaryMode::AttitudeHold => {
+                Some(Euler::from_quaternion(&filter.nominal().held_q_nb).heading)
+            }
+            _ => None,
+        };
+        self.ledger.learnt(heading(filter), held);
+    }
 }
 
 impl Misfit {
@@ -515,10 +539,4 @@ fn heading(filter: &Eskf) -> f64 {
 
 fn heading_sigma(filter: &Eskf) -> f64 {
     filter.attitude_covariance_n()[(2, 2)].max(0.0).sqrt()
-}
-
-/// The small rotation about Down that leads from one attitude to another, rad.
-fn turn_about_down(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> f64 {
-    let turn = to * from.inverse();
-    2.0 * turn.k * turn.w.signum()
 }

@@ -1,6 +1,6 @@
 //! Speed as GNSS or wheels tell it, and the filter's own where nobody does.
 
-use super::Belief;
+use super::{Belief, LOOK_AHEAD};
 use crate::sample::{GnssVelocity, Speed};
 use crate::time::Time;
 use heapless::Deque;
@@ -27,6 +27,10 @@ const VELOCITY_FLOOR: f64 = 0.1;
 /// three sigmas. Slower and as smooth as standing on an unaided filter cannot be told from a stop; a tunnel can:
 /// its sigma passes this limit within half a minute, and until then its velocity contradicts.
 const EXCLUDES: f64 = 4.0;
+/// What it excluded so long ago counts still, s, if nothing has moved the inertial unit since: the look ahead, the window and
+/// what is waited beyond it, with a second for what shakes a body that has just come to rest. A sigma that grows since the
+/// receiver fell silent at the stop is then no objection. Longer, and a train on a smooth track might be fast since.
+const EXCLUDED_FOR: f64 = 4.0;
 
 /// What speaks about the speed at an instant, each over its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +66,8 @@ pub(super) struct SpeedWitness {
     alone: bool,
     wheels: Option<(Time, f64)>,
     fast_until: Option<Time>,
+    /// When the filter last excluded a walk by itself.
+    excluded: Option<Time>,
 }
 
 impl SpeedWitness {
@@ -114,8 +120,15 @@ impl SpeedWitness {
         Some((speed, alive))
     }
 
-    /// All that is said now; `limit` is the speed (m/s) above which nobody stands.
-    pub(super) fn said(&self, now: Time, limit: f64, belief: &Belief) -> Said {
+    /// All that is said now; `limit` is the speed (m/s) above which nobody stands. The inertial unit has shown no motion since
+    /// `quiet_since`; the belief is that of [`LOOK_AHEAD`] before now.
+    pub(super) fn said(
+        &mut self,
+        now: Time,
+        limit: f64,
+        belief: &Belief,
+        quiet_since: Option<Time>,
+    ) -> Said {
         let (gnss, wheels) = (self.gnss(now), self.wheels(now));
         let moving = [gnss.map(|g| g.0), wheels]
             .into_iter()
@@ -124,13 +137,20 @@ impl SpeedWitness {
             .reduce(f64::max);
         let alive = gnss.is_some_and(|g| g.1);
         let contradiction = contradiction(belief) / CONTRADICTS;
+        let bound = upper_bound(belief) / (EXCLUDES * limit);
+        if bound < 1.0 {
+            self.excluded = Some(now.plus(-LOOK_AHEAD));
+        }
+        let was_slow = self.excluded.is_some_and(|at| {
+            now.since(at) <= EXCLUDED_FOR && quiet_since.is_some_and(|since| at >= since)
+        });
         let own = match (alive, wheels) {
             // A receiver that measures is believed before the filter.
             (true, _) => 0.0,
-            (false, None) if self.alone => contradiction,
+            (false, None) if self.alone || was_slow => contradiction,
             // Wheels stand on a ferry and on ice.
             (false, Some(_)) => contradiction,
-            (false, None) => contradiction.max(upper_bound(belief) / (EXCLUDES * limit)),
+            (false, None) => contradiction.max(bound),
         };
         Said {
             moving,
@@ -198,17 +218,18 @@ mod tests {
             hear(&mut standing, 0.1 * f64::from(i), 0.4 * sign);
         }
         let now = Time::from_seconds(4.0);
-        let said = standing.said(now, 0.25, &belief(9.0, 0.1));
+        let said = standing.said(now, 0.25, &belief(9.0, 0.1), None);
         assert!(said.before_entry < 0.2 && said.confirmed, "{said:?}");
         for i in 40..80 {
             hear(&mut standing, 0.1 * f64::from(i), 0.4);
         }
         let now = Time::from_seconds(8.0);
-        let said = standing.said(now, 0.25, &belief(0.0, 0.1));
+        let said = standing.said(now, 0.25, &belief(0.0, 0.1), None);
         assert!((said.moving.unwrap() - 1.6).abs() < 1e-9, "{said:?}");
         // Two seconds later nobody speaks.
         let later = Time::from_seconds(10.5);
-        assert_eq!(standing.said(later, 0.25, &belief(0.0, 0.1)).moving, None);
+        let said = standing.said(later, 0.25, &belief(0.0, 0.1), None);
+        assert_eq!(said.moving, None);
     }
 
     #[test]
@@ -218,20 +239,21 @@ mod tests {
             hear(&mut frozen, 0.1 * f64::from(i), 0.0);
         }
         let now = Time::from_seconds(3.0);
-        assert!(frozen.said(now, 0.25, &belief(0.1, 0.1)).before_entry < 1.0);
-        assert!(!frozen.said(now, 0.25, &belief(0.1, 0.1)).confirmed);
-        assert!(frozen.said(now, 0.25, &belief(5.0, 0.2)).before_entry > 1.0);
-        assert!(frozen.said(now, 0.25, &belief(0.1, 3.0)).before_entry > 1.0);
+        let mut said = |speed, sigma| frozen.said(now, 0.25, &belief(speed, sigma), None);
+        assert!(said(0.1, 0.1).before_entry < 1.0);
+        assert!(!said(0.1, 0.1).confirmed);
+        assert!(said(5.0, 0.2).before_entry > 1.0);
+        assert!(said(0.1, 3.0).before_entry > 1.0);
     }
 
     /// A body at 1 m/s is let through by an honest filter once in a thousand, whatever its sigma: the bound fails only when
     /// the estimate is off by three sigmas.
     #[test]
     fn the_filter_alone_must_exclude_a_walk() {
-        let nobody = SpeedWitness::default();
-        let ratio = |speed, sigma| {
+        let mut nobody = SpeedWitness::default();
+        let mut ratio = |speed, sigma| {
             nobody
-                .said(Time(0), 0.25, &belief(speed, sigma))
+                .said(Time(0), 0.25, &belief(speed, sigma), None)
                 .before_entry
         };
         for i in 1..100 {
@@ -259,12 +281,30 @@ mod tests {
             speed: 0.0,
         };
         wheels.observe_wheels(&stand, 0.25);
-        let ratio = |speed, sigma| {
+        let mut ratio = |speed, sigma| {
             wheels
-                .said(Time(0), 0.25, &belief(speed, sigma))
+                .said(Time(0), 0.25, &belief(speed, sigma), None)
                 .before_entry
         };
         assert!(ratio(0.5, 3.0) < 1.0, "the filter knows little");
         assert!(ratio(8.0, 0.5) > 1.0, "on a ferry");
+    }
+
+    /// The receiver falls silent as the car comes to rest, and the filter's sigma grows before the window is over.
+    #[test]
+    fn what_was_slow_when_it_grew_quiet_is_slow_while_it_stays_quiet() {
+        let at = Time::from_seconds;
+        let ratio = |excluded_at: f64, now: f64, quiet_since: Option<f64>, speed: f64| {
+            let mut nobody = SpeedWitness::default();
+            nobody.said(at(excluded_at), 0.25, &belief(0.05, 0.1), None);
+            nobody
+                .said(at(now), 0.25, &belief(speed, 0.4), quiet_since.map(at))
+                .before_entry
+        };
+        assert!(ratio(10.0, 12.5, Some(9.0), 0.1) < 1.0);
+        assert!(ratio(10.0, 12.5, None, 0.1) > 1.0, "it was never quiet");
+        assert!(ratio(10.0, 12.5, Some(9.7), 0.1) > 1.0, "moved since");
+        assert!(ratio(10.0, 14.0, Some(9.0), 0.1) > 1.0, "too long ago");
+        assert!(ratio(10.0, 12.5, Some(9.0), 4.0) > 1.0, "known to move");
     }
 }

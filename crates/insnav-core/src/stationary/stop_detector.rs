@@ -260,7 +260,8 @@ impl StopDetector {
 
     fn judge(&mut self, now: Time, belief: &Belief, long_moved: bool) {
         let said = if self.asks_speed {
-            self.speed.said(now, self.speed_limit, belief)
+            self.speed
+                .said(now, self.speed_limit, belief, self.quiet_since)
         } else {
             Said::NOT_ASKED
         };

@@ -41,11 +41,12 @@ pub struct StopRecord {
     pub heading_before: f64,
     /// Its standard deviation, rad.
     pub sigma_heading_before: f64,
-    /// Correction of the heading when the stop was entered, rad.
+    /// Correction of the heading when the stop was entered, rad. With growth and corrections it makes `heading_after` of
+    /// `heading_before`: [`HeadingLedger`](super::HeadingLedger) says what is what.
     pub heading_at_entry: f64,
-    /// Change of the heading while held, by propagation alone, rad.
+    /// By how much the heading left the one that was held, rad.
     pub heading_growth: f64,
-    /// Sum of the corrections while held, rad.
+    /// By how much the held heading was moved by what was learnt during the stop, rad.
     pub heading_corrections: f64,
     /// Heading at the end, rad.
     pub heading_after: f64,

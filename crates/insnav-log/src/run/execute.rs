@@ -76,6 +76,7 @@ impl Plan {
             if self.is_before_start(&sample) {
                 continue;
             }
+            self.hear_speed(&sample, &mut tally.totals);
             if let Err(error) = navigator.step(&sample, &mut tally) {
                 tally.totals.unusable.push(&error);
             }
@@ -182,6 +183,22 @@ impl Plan {
             config: self.config_text(),
         };
         Ok((report, saved))
+    }
+
+    /// Note what receiver and wheels say of the speed. On a foot every stance is a stop of its own.
+    fn hear_speed(&self, sample: &Sample, totals: &mut Totals) {
+        let (gnss, limit) = (&self.config.gnss, self.config.stationary.speed_m_per_s);
+        if self.config.vehicle.kind == VehicleKind::Foot {
+            return;
+        }
+        match sample {
+            Sample::GnssVelocity(v) if gnss.used => {
+                let time = v.time.plus(-gnss.velocity_lag_s);
+                totals.slow.hear(time, v.velocity_n.xy().norm(), limit);
+            }
+            Sample::Speed(s) => totals.slow.hear(s.time, s.speed.abs(), limit),
+            _ => {}
+        }
     }
 
     /// Factors on stated sigmas of position and velocity as the navigator uses them now.

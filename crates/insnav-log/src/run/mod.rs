@@ -21,6 +21,7 @@ mod report;
 mod saved;
 mod source;
 mod standing;
+mod stop_pieces;
 mod survey;
 mod tally;
 mod wheels;

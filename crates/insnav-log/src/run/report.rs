@@ -136,6 +136,8 @@ pub struct StopReport {
     pub held_from_s: f64,
     /// End, s.
     pub end_s: f64,
+    /// Stretches in which it was held: more than one where people moved in a vehicle that stood, as receiver or wheels say.
+    pub pieces: usize,
     /// Why it ended.
     pub ended_by: StopEnd,
     /// How it was held at its end; not always as set.
@@ -146,12 +148,15 @@ pub struct StopReport {
     pub heading_before_deg: f64,
     /// Its standard deviation, degrees.
     pub sigma_heading_before_deg: f64,
-    /// Correction of the heading when the stop was entered, degrees.
+    /// Correction of the heading when the stop was entered, degrees. With the next three it makes the heading after of the one
+    /// before.
     pub heading_at_entry_deg: f64,
-    /// Change of the heading while held, without corrections, degrees.
+    /// By how much the heading left the one that was held (propagation, less what the hold took back), degrees.
     pub heading_growth_deg: f64,
-    /// Sum of the corrections while held, degrees.
+    /// By how much the held heading was moved by what was learnt during the stop, degrees.
     pub heading_corrections_deg: f64,
+    /// By how much the heading changed between pieces, where nothing was held, degrees.
+    pub heading_between_deg: f64,
     /// Heading at the end, degrees.
     pub heading_after_deg: f64,
     /// Standard deviation of the heading at the end, degrees.
@@ -175,6 +180,7 @@ impl StopReport {
             begin_s: stop.begin.since(origin),
             held_from_s: stop.held_from.since(origin),
             end_s: stop.end.since(origin),
+            pieces: 1,
             ended_by: stop.ended_by,
             mode: stop.mode,
             evidence: stop.evidence,
@@ -183,6 +189,7 @@ impl StopReport {
             heading_at_entry_deg: difference(stop.heading_at_entry),
             heading_growth_deg: difference(stop.heading_growth),
             heading_corrections_deg: difference(stop.heading_corrections),
+            heading_between_deg: 0.0,
             heading_after_deg: compass(stop.heading_after),
             sigma_heading_deg: stop.sigma_heading_after.to_degrees(),
             gyro_bias_deg_per_hour: stop.gyro_bias.map(per_hour).into(),
@@ -190,6 +197,35 @@ impl StopReport {
             gyro_step_deg_per_s: stop.gyro_step.map(f64::to_degrees).into(),
             gyro_repeats: stop.gyro_repeats,
         }
+    }
+
+    /// From the heading at the end of this stop to the one before another, degrees.
+    pub(super) fn turn_until_deg(&self, next: &StopReport) -> f64 {
+        wrap_angle((next.heading_before_deg - self.heading_after_deg).to_radians()).to_degrees()
+    }
+
+    /// Go on with another piece of the same stop.
+    pub(super) fn join(&mut self, next: &StopReport) {
+        let steps = |i: usize| self.gyro_step_deg_per_s[i].max(next.gyro_step_deg_per_s[i]);
+        *self = StopReport {
+            begin_s: self.begin_s,
+            held_from_s: self.held_from_s,
+            pieces: self.pieces + next.pieces,
+            evidence: self.evidence,
+            heading_before_deg: self.heading_before_deg,
+            sigma_heading_before_deg: self.sigma_heading_before_deg,
+            heading_at_entry_deg: self.heading_at_entry_deg,
+            heading_growth_deg: self.heading_growth_deg + next.heading_growth_deg,
+            heading_between_deg: self.heading_between_deg
+                + self.turn_until_deg(next)
+                + next.heading_between_deg,
+            heading_corrections_deg: self.heading_corrections_deg
+                + next.heading_at_entry_deg
+                + next.heading_corrections_deg,
+            gyro_step_deg_per_s: [0, 1, 2].map(steps),
+            gyro_repeats: [0, 1, 2].map(|i| self.gyro_repeats[i] || next.gyro_repeats[i]),
+            ..*next
+        };
     }
 
     /// Heading at the end less the one before, between -180° and 180°.

@@ -4,6 +4,7 @@ use super::doubts::Unusable;
 use super::report::{
     AidingReport, AlignmentReport, FinalReport, MisfitReport, ResetReport, StopReport,
 };
+use super::stop_pieces::{self, SlowStretches};
 use insnav_core::alignment::Alignment;
 use insnav_core::attitude::Euler;
 use insnav_core::earth::Geodetic;
@@ -91,6 +92,7 @@ pub(super) struct Totals {
     next_own: Option<Time>,
     stops: Vec<StopReport>,
     stances: usize,
+    pub(super) slow: SlowStretches,
     /// Of the last minute: instants, and the way up to each from the one before.
     recent_way: VecDeque<(Time, f64)>,
     aids: Vec<(String, Aid)>,
@@ -279,7 +281,12 @@ impl<S: Sink> Sink for Tally<'_, S> {
             Event::StopEnded(stop) if self.on_foot && stop.end.since(stop.begin) < STANCE => {
                 totals.stances += 1;
             }
-            Event::StopEnded(stop) => totals.stops.push(StopReport::new(stop, self.origin)),
+            Event::StopEnded(stop) => stop_pieces::put(
+                &mut totals.stops,
+                StopReport::new(stop, self.origin),
+                &totals.slow,
+                self.origin,
+            ),
             Event::StandstillFlaps { time } => {
                 let counts = &mut totals.events;
                 if counts.flaps == 0 {
