@@ -1,6 +1,8 @@
 //! The arguments as a whole: one verb, one format.
 
-use crate::command::{Compare, Completions, Convert, Demo, Info, Man, Reproduce, Run, Simulate};
+use crate::command::{
+    Align, Compare, Completions, Convert, Demo, Info, Man, Reproduce, Run, Simulate,
+};
 use crate::failure::Failure;
 use crate::output::{Format, Output};
 use clap::{Parser, Subcommand};
@@ -30,6 +32,7 @@ pub(crate) struct Cli {
 pub(crate) enum Verb {
     Run(Run),
     Info(Info),
+    Align(Align),
     Compare(Compare),
     Convert(Convert),
     Demo(Demo),
@@ -45,6 +48,7 @@ impl Verb {
         match self {
             Verb::Run(verb) => verb.run(output),
             Verb::Info(verb) => verb.run(output),
+            Verb::Align(verb) => verb.run(output),
             Verb::Compare(verb) => verb.run(output),
             Verb::Convert(verb) => verb.run(output),
             Verb::Demo(verb) => verb.run(output),

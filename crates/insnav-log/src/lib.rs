@@ -64,9 +64,10 @@ pub use message::MessageKind;
 pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs, write_output};
 pub use problem::Problem;
 pub use run::{
-    AidingReport, AlignmentReport, Clocks, Estimate, FinalReport, ImuOnlyReport, KnownStart,
-    NoiseReport, Plan, ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport,
-    SolutionSink, Source, StateError, StopReport, Stream, Survey, Warning, Withhold, find,
+    AidingReport, AlignNoise, AlignReport, AlignRequest, AlignedStop, AlignmentReport, Clocks,
+    Estimate, FinalReport, ImuOnlyReport, KnownStart, LatitudeSource, NoiseReport, Plan,
+    ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport, SolutionSink, Source,
+    StateError, StopReport, Stream, Survey, Warning, Withhold, align_by_stops, find,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};

@@ -2,6 +2,7 @@
 
 use crate::error::LogError;
 use crate::{ConfigError, RunError};
+use insnav_core::error::Error as CoreError;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::error::Error;
@@ -61,6 +62,10 @@ impl From<ConfigError> for Problem {
 
 impl From<RunError> for Problem {
     fn from(e: RunError) -> Self {
+        if let RunError::Navigator(CoreError::Alignment(refusal)) = &e {
+            let (message, remedy) = refusal.parts();
+            return Problem::new(e.code(), message, remedy);
+        }
         Problem::new(e.code(), chain(&e), e.remedy())
     }
 }

@@ -1,5 +1,6 @@
 //! One file per verb.
 
+mod align;
 mod compare;
 mod completions;
 mod convert;
@@ -12,6 +13,7 @@ mod run_inputs;
 mod settings_flags;
 mod simulate;
 
+pub(crate) use align::Align;
 pub(crate) use compare::Compare;
 pub(crate) use completions::{Completions, Man};
 pub(crate) use convert::Convert;

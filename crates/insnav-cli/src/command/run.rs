@@ -131,9 +131,9 @@ fn time_offset(text: &str) -> Result<TimeOffset, String> {
 
 /// Begin and end, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Interval([f64; 2]);
+pub(super) struct Interval(pub(super) [f64; 2]);
 
-fn interval(text: &str) -> Result<Interval, String> {
+pub(super) fn interval(text: &str) -> Result<Interval, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|s| s.is_finite());
     let both = text
         .split_once(':')

@@ -1,5 +1,6 @@
 //! Reports as text that a person understands.
 
+mod aligned;
 mod comparison;
 mod demo_report;
 mod log_report;
@@ -7,6 +8,7 @@ mod reproduced;
 mod run_summary;
 mod simulated;
 
+pub(crate) use aligned::aligned;
 pub(crate) use comparison::{comparison, table};
 pub(crate) use demo_report::demo_report;
 pub(crate) use log_report::log_report;

@@ -84,6 +84,15 @@ pub enum RunError {
         /// The inertial data, s.
         span: f64,
     },
+    /// An alignment without a latitude.
+    #[error("no latitude: the log has no GNSS position, and none is given")]
+    NoLatitude,
+    /// An alignment without stops.
+    #[error("no stop of five seconds was found among {found}")]
+    NoStops {
+        /// How many shorter ones there are.
+        found: usize,
+    },
     /// Data that would give no solution worth the name.
     #[error("{}: {}{}", finding.evidence, finding.consequence, more(*others))]
     Unusable {
@@ -134,7 +143,10 @@ impl RunError {
             RunError::Navigator(CoreError::Config { .. }) => "bad_config_value",
             RunError::Navigator(CoreError::NotStarted { .. }) => "not_started",
             RunError::Navigator(CoreError::NotObservable { .. }) => "not_observable",
+            RunError::Navigator(CoreError::Alignment(refusal)) => refusal.code(),
             RunError::Navigator(_) => "navigator",
+            RunError::NoLatitude => "no_latitude",
+            RunError::NoStops { .. } => "no_stops",
             RunError::NoImu => "no_imu_samples",
             RunError::Unusable { finding, .. } => finding.code,
             RunError::NoGnss { .. } => "no_gnss_samples",
@@ -167,6 +179,9 @@ impl RunError {
                 "leave one of the optional states out: scale factors, lever arm, clock offset, colour of GNSS, or the wheels' constraint".into()
             }
             RunError::Navigator(CoreError::NotFinite { .. }) => "check the driver that gives it".into(),
+            RunError::Navigator(CoreError::Alignment(refusal)) => refusal.parts().1,
+            RunError::NoLatitude => "give it: `--latitude-deg`, or output.origin in the settings".into(),
+            RunError::NoStops { .. } => "give the windows yourself: `--stop 40:200`, in seconds from the zero that `insnav info` prints".into(),
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
             RunError::Unusable { finding, .. } => finding.remedy.clone(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),

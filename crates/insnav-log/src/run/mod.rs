@@ -10,6 +10,7 @@
 //! # Ok(()) }
 //! ```
 
+mod alignment;
 mod clocks;
 mod doubts;
 mod error;
@@ -28,6 +29,9 @@ mod wheels;
 mod withhold;
 mod without_gnss;
 
+pub use alignment::{
+    AlignNoise, AlignReport, AlignRequest, AlignedStop, LatitudeSource, align_by_stops,
+};
 pub use clocks::Clocks;
 pub use error::RunError;
 pub use known_start::KnownStart;

@@ -16,7 +16,7 @@ use super::standing::{Standing, Taper};
 use super::sway::PERIODS;
 use super::{AlignmentMethod, AlignmentResult, Refusal, StopReport};
 use crate::attitude::{Euler, exp, wrap_angle};
-use crate::earth::Geodetic;
+use crate::earth::{EARTH_RATE, Geodetic};
 use crate::error::Result;
 use crate::imu::ImuNoise;
 use crate::time::Time;
@@ -174,8 +174,8 @@ pub fn align(
             "so near a pole there is no north to find".to_string()
         } else {
             format!(
-                "the azimuth of this unit in these stops would have a sigma of {:.1}°, {:.1}° are allowed",
-                predicted.to_degrees(),
+                "the azimuth of this unit in these stops would have a sigma of {}, {:.1}° are allowed",
+                in_a_circle(predicted),
                 limit.to_degrees()
             )
         };
@@ -222,6 +222,15 @@ fn spans(record: &Record, stops: &[StopWindow]) -> Result<Vec<Span>> {
         }
     }
     stops.iter().map(|s| record.span(s.begin, s.end)).collect()
+}
+
+/// An angle's sigma in words: more than half a circle is no sigma.
+fn in_a_circle(sigma: f64) -> String {
+    if sigma < core::f64::consts::PI {
+        format!("{:.1}°", sigma.to_degrees())
+    } else {
+        "more than 180°".to_string()
+    }
 }
 
 /// Standard deviation (rad/s) of a level rate by one stop of `length` s, tilt and velocity free: the Cramér–Rao limit
@@ -278,7 +287,7 @@ impl Task<'_> {
         Ok(())
     }
 
-    /// Turn of the body from the first stop to each other one, by the gyros, rad.
+    /// Turn of the body from the first stop to each other one, by the gyros, less what their biases may have made of it, rad.
     fn turns(&self) -> Vec<f64> {
         let first = self.spans[0].end;
         self.spans[1..]
@@ -287,7 +296,8 @@ impl Task<'_> {
                 let turn = self.record.nodes[first..span.begin]
                     .iter()
                     .fold(UnitQuaternion::identity(), |q, node| q * node.rotation);
-                turn.angle()
+                let drifted = 3.0 * self.options.noise.gyro_bias_sigma + EARTH_RATE;
+                (turn.angle() - drifted * self.record.seconds(first, span.begin)).max(0.0)
             })
             .collect()
     }
@@ -718,7 +728,11 @@ impl Task<'_> {
                     velocity_rms: velocity_rms(&fit.residuals[i]),
                     taper,
                     half_disagreement: halves[i],
-                    rocking_period_s: fit.sway.get(i).map(|s| s.period_s),
+                    rocking_period_s: fit
+                        .sway
+                        .get(i)
+                        .map(|s| s.period_s)
+                        .filter(|period| period * PERIODS as f64 <= standing.length()),
                 }
             })
             .collect();

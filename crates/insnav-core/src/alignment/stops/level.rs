@@ -18,14 +18,16 @@ pub(super) struct Levelled {
     pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
 }
 
-/// From the mean force in the axes of the stop's end.
+/// From the mean force in body axes: the mean attitude of the stop. Gyros that cannot find north would only turn it away.
 pub(super) fn level(record: &Record, span: Span, place: &Place, noise: &ImuNoise) -> Levelled {
-    let (mut force, mut turn, mut length) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-    for node in &record.nodes[span.begin..span.end] {
-        force = node.rotation.inverse() * (force + node.gain);
-        turn += log(&node.rotation);
-        length += node.dt;
-    }
+    let nodes = &record.nodes[span.begin..span.end];
+    let length: f64 = nodes.iter().map(|node| node.dt).sum();
+    let rate = nodes
+        .iter()
+        .map(|node| log(&node.rotation))
+        .sum::<Vector3<f64>>()
+        / length;
+    let force: Vector3<f64> = nodes.iter().map(|node| node.gain).sum();
     let q_nb = from_force(&force);
     let earth_b = q_nb.inverse() * Vector3::new(0.0, 0.0, place.earth_n.z);
     let mut covariance = covariance(&q_nb, place, noise, length, None);
@@ -42,7 +44,7 @@ pub(super) fn level(record: &Record, span: Span, place: &Place, noise: &ImuNoise
     covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
     Levelled {
         q_nb,
-        gyro_bias: turn / length - earth_b,
+        gyro_bias: rate - earth_b,
         covariance,
     }
 }

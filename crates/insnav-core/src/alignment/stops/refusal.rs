@@ -1,5 +1,7 @@
 //! Why an alignment from stops is not given: each with the numbers that show it, and the remedy.
 
+use std::string::{String, ToString};
+
 /// What stands against an alignment. Times count from the zero of [`crate::time::Time`].
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -154,4 +156,34 @@ pub enum Refusal {
         /// What is allowed.
         expected: &'static str,
     },
+}
+
+impl Refusal {
+    /// What stands against it, and what to do about it, apart.
+    pub fn parts(&self) -> (String, String) {
+        let text = self.to_string();
+        let (what, remedy) = text.rsplit_once(": ").unwrap_or((&text, ""));
+        (what.to_string(), remedy.to_string())
+    }
+
+    /// A short name for programs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Refusal::NoData => "no_data",
+            Refusal::OutsideData { .. } => "outside_data",
+            Refusal::NoStop => "no_stop",
+            Refusal::StopsOverlap { .. } => "stops_overlap",
+            Refusal::StopTooShort { .. } => "stop_too_short",
+            Refusal::NotStationary { .. } => "not_stationary",
+            Refusal::SingularGeometry { .. } => "singular_geometry",
+            Refusal::NegativeDiscriminant { .. } => "negative_discriminant",
+            Refusal::LatitudeInconsistent { .. } => "latitude_inconsistent",
+            Refusal::AzimuthUnobservable { .. } => "azimuth_unobservable",
+            Refusal::LowGrade { .. } => "low_grade",
+            Refusal::GapInData { .. } => "gap_in_data",
+            Refusal::MissingRotation { .. } => "missing_rotation",
+            Refusal::TurnScaleDominates { .. } => "turn_scale_dominates",
+            Refusal::Option { .. } => "option",
+        }
+    }
 }
