@@ -268,8 +268,10 @@ fn what_a_unit_cannot_do_is_said_before() {
 #[test]
 fn one_position_gives_an_azimuth_with_its_drift() {
     let body = body(300.0, [0.0, 0.0, 0.0]);
-    let mut errors = RockingErrors::default();
-    errors.white = [noise().gyro_white, noise().accel_white];
+    let mut errors = RockingErrors {
+        white: [noise().gyro_white, noise().accel_white],
+        ..RockingErrors::default()
+    };
     errors.constant.gyro_bias = Vector3::new(5e-8, -5e-8, 5e-8);
     let samples = errors.apply(&body.increments(380.0, 50.0), 3);
     for method in [
@@ -323,13 +325,15 @@ fn a_rocking_vehicle_finds_north_from_any_ten_minutes() {
         tone(1, 9e-4, 9.7, 0.4),
         tone(2, 2e-4, 3.1, 0.9),
     ];
-    let mut errors = RockingErrors::default();
     let mut unit = noise();
     // A ring laser of 0.0003 °/√h and 0.001 °/h: over ten minutes it knows the azimuth to 0.01°.
     unit.gyro_white = 3e-4f64.to_radians() / 60.0;
     unit.gyro_bias_sigma = 1e-3f64.to_radians() / 3600.0;
-    errors.white = [unit.gyro_white, unit.accel_white];
-    errors.quantum = [0.1f64.to_radians() / 3600.0, 125.0 * UG];
+    let mut errors = RockingErrors {
+        white: [unit.gyro_white, unit.accel_white],
+        quantum: [0.1f64.to_radians() / 3600.0, 125.0 * UG],
+        ..RockingErrors::default()
+    };
     let mut source = insnav::sim::Source::new(4, insnav::sim::Stream::Initial);
     errors.constant.gyro_bias = source.normal3() * unit.gyro_bias_sigma;
     errors.constant.accel_bias = source.normal3() * unit.accel_bias_sigma;
