@@ -85,6 +85,26 @@ impl Covariance {
         }
     }
 
+    /// Set the covariance between two different open blocks; no effect when one of them is closed.
+    ///
+    /// The caller answers for the whole staying positive semidefinite.
+    pub fn set_cross<const R: usize, const C: usize>(
+        &mut self,
+        rows: Block<R>,
+        columns: Block<C>,
+        cross: &SMatrix<f64, R, C>,
+    ) {
+        let (Some(r), Some(c)) = (self.layout.offset(rows), self.layout.offset(columns)) else {
+            return;
+        };
+        for i in 0..R {
+            for j in 0..C {
+                self.set(r + i, c + j, cross[(i, j)]);
+                self.set(c + j, r + i, cross[(i, j)]);
+            }
+        }
+    }
+
     /// Add an independent uncertainty to one open block.
     pub fn add<const N: usize>(&mut self, block: Block<N>, extra: &SMatrix<f64, N, N>) {
         let Some(at) = self.layout.offset(block) else {

@@ -116,6 +116,19 @@ impl Eskf {
         }
     }
 
+    /// Give attitude, gyro bias and accelerometer bias one joint covariance, in this order, in place of their own; an
+    /// alignment's errors are not independent: its heading is wrong by what the gyros drift along east.
+    pub fn set_joint_prior(&mut self, joint: &SMatrix<f64, 9, 9>) {
+        let part = |i: usize, j: usize| joint.fixed_view::<3, 3>(i, j).into_owned();
+        let covariance = &mut self.covariance;
+        covariance.set_prior(ATTITUDE, &part(0, 0));
+        covariance.set_prior(GYRO_BIAS, &part(3, 3));
+        covariance.set_prior(ACCEL_BIAS, &part(6, 6));
+        covariance.set_cross(ATTITUDE, GYRO_BIAS, &part(0, 3));
+        covariance.set_cross(ATTITUDE, ACCEL_BIAS, &part(0, 6));
+        covariance.set_cross(GYRO_BIAS, ACCEL_BIAS, &part(3, 6));
+    }
+
     /// The estimate.
     pub fn nominal(&self) -> &Nominal {
         &self.nominal

@@ -11,8 +11,10 @@ mod standing;
 pub use horizon::HORIZON_CAPACITY;
 
 #[cfg(feature = "std")]
-use crate::alignment::{Alignment, Startup};
+use crate::alignment::{Alignment, AlignmentResult, Startup};
 use crate::config::Config;
+#[cfg(feature = "std")]
+use crate::earth::Geodetic;
 use crate::earth::earth_rate_n;
 use crate::error::{Error, Result};
 use crate::filter::{Eskf, GYRO_BIAS, InitialSigma, VELOCITY, Verdict};
@@ -121,6 +123,47 @@ impl Navigator {
         sigma: &InitialSigma,
     ) -> Result<Self> {
         let mut filter = Eskf::new(nav, imu_errors, sigma, noise);
+        OptionalStates::of(config).open(&mut filter)?;
+        Self::at_stage(config, noise, Stage::Running(filter))
+    }
+
+    /// Start at rest where an alignment from stops ended, with its whole covariance: the heading's error and the drift along east
+    /// that made it stay tied. Position errors start with `position_sigma` (NED, m), velocity is zero to `velocity_sigma` (m/s).
+    ///
+    /// The stops' data are in the alignment already: give the navigator only what came after [`AlignmentResult::at`], and the
+    /// last sample before.
+    ///
+    /// # Errors
+    /// `Config` for a setting outside its range.
+    #[cfg(feature = "std")]
+    pub fn after_alignment(
+        config: &Config,
+        noise: ImuNoise,
+        alignment: &AlignmentResult,
+        position: Geodetic,
+        position_sigma: Vector3<f64>,
+        velocity_sigma: f64,
+    ) -> Result<Self> {
+        let nav = NavState {
+            time: alignment.at,
+            position,
+            velocity_n: Vector3::zeros(),
+            q_nb: alignment.q_nb,
+        };
+        let imu_errors = ImuErrors {
+            gyro_bias: alignment.gyro_bias,
+            accel_bias: alignment.accel_bias,
+            ..ImuErrors::default()
+        };
+        let sigma = InitialSigma {
+            position: position_sigma,
+            velocity: Vector3::repeat(velocity_sigma),
+            attitude: Vector3::zeros(),
+            gyro_bias: Vector3::zeros(),
+            accel_bias: Vector3::zeros(),
+        };
+        let mut filter = Eskf::new(nav, imu_errors, &sigma, noise);
+        filter.set_joint_prior(&alignment.covariance);
         OptionalStates::of(config).open(&mut filter)?;
         Self::at_stage(config, noise, Stage::Running(filter))
     }
