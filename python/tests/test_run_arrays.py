@@ -252,8 +252,8 @@ def test_summary_has_the_keys_of_the_command(truth: Drive) -> None:
     assert s.summary["final"]["latitude_deg"] == s.latitude_deg[-1]
     assert s.summary["warnings"] == []
     (stop,) = s.summary["stops"]
-    # The detector's low-pass begins with a mean of 0.2 s.
-    assert stop["begin_s"] == pytest.approx(0, abs=0.5) and stop["end_s"] == pytest.approx(20, abs=1)
+    # A stop at the very begin is seen once the detector's low-pass has settled; begins are good to a second.
+    assert stop["begin_s"] == pytest.approx(0, abs=1) and stop["end_s"] == pytest.approx(20, abs=1)
     assert stop["pieces"] == 1
     names = {aid["name"]: aid for aid in s.summary["aiding"]}
     assert names["gnss_position"]["used"] + names["gnss_position"]["rejected"] > 890

@@ -77,8 +77,6 @@ pub(super) struct InertialTests {
     length: f64,
     dt: f64,
     intervals: u32,
-    /// Sum of the samples in those intervals.
-    first: Vector6<f64>,
     low_pass: Option<LowPass>,
     long: Window,
     tone: ToneWindow,
@@ -98,7 +96,6 @@ impl InertialTests {
             length,
             dt: 0.0,
             intervals: 0,
-            first: Vector6::zeros(),
             low_pass: None,
             long: Window::new(length),
             tone: ToneWindow::default(),
@@ -139,11 +136,9 @@ impl InertialTests {
     pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> Moved {
         self.steps.push(dt, rate);
         let mut moved = Moved::default();
-        let x = Vector6::new(force.x, force.y, force.z, rate.x, rate.y, rate.z);
         if self.intervals < FIRST_INTERVALS {
             self.intervals += 1;
             self.dt += (dt - self.dt) / f64::from(self.intervals);
-            self.first += x;
             return moved;
         }
         self.dt += (dt - self.dt) * RATE_MEMORY;
@@ -160,16 +155,14 @@ impl InertialTests {
                         short.clear();
                     }
                     self.slow = SlowMean::default();
-                    let mut low_pass = LowPass::new(1.0 / self.dt);
-                    if !moved.anew {
-                        low_pass.begin_with(&self.first, self.intervals);
-                    }
-                    other.insert(low_pass)
+                    other.insert(LowPass::new(1.0 / self.dt))
                 }
             };
-            let Some(y) = low_pass.push(&x) else {
+            let x = Vector6::new(force.x, force.y, force.z, rate.x, rate.y, rate.z);
+            let y = low_pass.push(&x);
+            if !low_pass.has_settled() {
                 return moved;
-            };
+            }
             force = y.fixed_rows::<3>(0).into_owned();
             rate = y.fixed_rows::<3>(3).into_owned();
         }

@@ -156,9 +156,10 @@ mod tests {
             let force = draw(imu.accel_white, signal(t)) + Vector3::z() * -9.8;
             let rate_b = draw(imu.gyro_white, 0.01 * signal(t));
             let x = Vector6::from_iterator(force.iter().chain(rate_b.iter()).copied());
-            let Some(y) = low_pass.push(&x).filter(|_| t >= 2.0) else {
+            let y = low_pass.push(&x);
+            if t < 2.0 {
                 continue;
-            };
+            }
             let (force, rate_b) = (
                 y.fixed_rows::<3>(0).into_owned(),
                 y.fixed_rows::<3>(3).into_owned(),
