@@ -140,7 +140,7 @@ struct Last(Option<Epoch>);
 
 impl Sink for Last {
     fn epoch(&mut self, epoch: &Epoch) {
-        self.0 = Some(epoch.clone());
+        self.0 = Some(*epoch);
     }
 }
 
