@@ -363,3 +363,54 @@ fn a_rocking_vehicle_finds_north_from_any_ten_minutes() {
     assert!(ratio <= 3.0, "{ratio}");
     assert!(plain_worst >= 0.5, "{plain_worst}");
 }
+
+/// Units that only level, and methods without a fit, must see that the body stands; and that it is gravity they feel.
+#[test]
+fn levelling_and_coarse_methods_see_motion_and_wrong_units() {
+    let turned = body(45.0, [0.0, 0.0, 180.0]);
+    let inside = [(100.0, 300.0)];
+    for method in [
+        AlignmentMethod::Levelling,
+        AlignmentMethod::Coarse,
+        AlignmentMethod::TwoVector,
+        AlignmentMethod::Gyrocompass,
+    ] {
+        let refusal = refused(run(&turned, &inside, &options(method)));
+        assert!(matches!(refusal, Refusal::Moving { .. }), "{refusal:?}");
+    }
+    let mut mems = options(AlignmentMethod::Auto);
+    mems.noise = ImuGrade::Automotive.noise();
+    let refusal = refused(run(&turned, &inside, &mems));
+    assert!(matches!(refusal, Refusal::Moving { .. }), "{refusal:?}");
+    // Negative control: the same unit beside the turn.
+    run(&turned, &[(20.0, 190.0)], &mems).expect("levelled");
+
+    let in_g: Vec<ImuIncrement> = turned
+        .increments(380.0, 50.0)
+        .into_iter()
+        .map(|mut s| {
+            s.velocity_b /= 9.81;
+            s
+        })
+        .collect();
+    for method in [AlignmentMethod::Auto, AlignmentMethod::Levelling] {
+        let refusal = refused(aligned(&in_g, &BOTH[..1], &options(method)));
+        assert!(matches!(refusal, Refusal::NotGravity { .. }), "{refusal:?}");
+    }
+}
+
+/// A MEMS unit whose heading is told is levelled with it, and its gyro bias is free of the Earth's rate.
+#[test]
+fn a_told_heading_completes_a_levelled_unit() {
+    let still = body(45.0, [0.0, 0.0, 0.0]);
+    let mut mems = options(AlignmentMethod::Auto);
+    mems.noise = ImuGrade::Automotive.noise();
+    mems.heading = Some((45f64.to_radians(), 1f64.to_radians()));
+    let found = run(&still, &[(40.0, 200.0)], &mems).expect("levelled");
+    assert_eq!(found.method, AlignmentMethod::Levelling);
+    assert!((found.euler().heading - 45f64.to_radians()).abs() < 1e-6);
+    assert!((found.sigma()[2].to_degrees() - 1.0).abs() < 1e-9 && found.observable[2]);
+    // Noise-free: what is left of the Earth's rate is nothing.
+    assert!(found.gyro_bias.amax() < 1e-9, "{}", found.gyro_bias);
+    assert!(found.sigma()[0] < 0.02, "{:?}", found.sigma());
+}

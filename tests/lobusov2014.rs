@@ -452,3 +452,88 @@ fn a_small_turn_is_not_silent() {
     let half = run(&half_turn(), &errors, &options).expect("aligned");
     assert!(half.sigma()[3] / rate < 1.0);
 }
+
+/// One position leans on what is known of the biases beforehand, and says what that is worth: regression and filter alike.
+#[test]
+fn sigmas_of_one_position_are_what_happens() {
+    let runs: u64 = if std::env::var_os("INSNAV_LONG").is_some() {
+        200
+    } else {
+        40
+    };
+    let body = Rocking::standing(place(), Euler::from_degrees(1.0, -2.0, 20.0));
+    let exact = body.increments(200.0, 50.0);
+    // Azimuth, drifts along north and down, which a single stop sees, and the vertical accelerometer bias.
+    let mut sums = [[0.0; 4]; 2];
+    for seed in 0..runs {
+        let mut source = insnav::sim::Source::new(seed, insnav::sim::Stream::Initial);
+        let mut errors = errors([0.0; 3], 0.0);
+        errors.constant.gyro_bias = source.normal3() * 1e-7;
+        errors.constant.accel_bias = source.normal3() * (50.0 * UG);
+        errors.white = [noise().gyro_white, noise().accel_white];
+        let record = record(&errors.apply(&exact, seed));
+        for (i, method) in [AlignmentMethod::Fine, AlignmentMethod::Joint]
+            .into_iter()
+            .enumerate()
+        {
+            let mut options = options(method);
+            options.taper = Some(Taper::None);
+            let found = align(&record, &[window(0.0, 200.0)], &options).expect("aligned");
+            let attitude = log(&(body.attitude_at(200.0) * found.q_nb.inverse()));
+            let gyro = errors.constant.gyro_bias - found.gyro_bias;
+            let along = |axis: Vector3<f64>| {
+                let b = found.q_nb.inverse() * axis;
+                let covariance = found.covariance.fixed_view::<3, 3>(3, 3);
+                gyro.dot(&b).powi(2) / (b.transpose() * covariance * b)[0]
+            };
+            sums[i][0] += attitude.z.powi(2) / found.covariance[(2, 2)];
+            sums[i][1] += along(Vector3::x());
+            sums[i][2] += along(Vector3::z());
+            let accel = errors.constant.accel_bias - found.accel_bias;
+            sums[i][3] += accel.z.powi(2) / found.covariance[(8, 8)];
+        }
+    }
+    let means = sums.map(|all| all.map(|s| s / runs as f64));
+    println!(
+        "NEES of azimuth, north, down, vertical force: filter {:.2?}, regression {:.2?}",
+        means[0], means[1]
+    );
+    // Three standard errors of the mean of so many squares, five per cent beside. Normal gravity is exact here, and 30 mGal are
+    // allowed for it: the vertical bias is known better than stated, never worse.
+    let band = 3.0 * (2.0 / runs as f64).sqrt() + 0.05;
+    for all in means {
+        for mean in &all[..3] {
+            assert!((mean - 1.0).abs() <= band, "{all:?}");
+        }
+        assert!(all[3] <= 1.0 + band, "{all:?}");
+    }
+}
+
+/// What is known badly of the heading does no harm, what is known well is kept, and what cannot be is refused.
+#[test]
+fn a_heading_that_is_told_is_weighed() {
+    let errors = errors(DRIFTS[1], 50.0);
+    let told = |heading_deg: f64, sigma_deg: f64| {
+        let mut options = options(AlignmentMethod::Auto);
+        options.heading = Some((heading_deg.to_radians(), sigma_deg.to_radians()));
+        run(&half_turn(), &errors, &options)
+    };
+    let without = run(&half_turn(), &errors, &options(AlignmentMethod::Auto)).expect("aligned");
+    let rough = told(46.0, 5.0).expect("aligned");
+    assert!(
+        rough.sigma()[2] <= without.sigma()[2],
+        "{} {}",
+        rough.reason,
+        without.reason
+    );
+    let (_, azimuth) = misses(&rough, &half_turn(), &errors);
+    assert!(azimuth.abs() < 2.0, "{azimuth}");
+    let kept = told(45.0, 0.01).expect("aligned");
+    assert_eq!(kept.method, AlignmentMethod::Zupt2);
+    assert!(kept.sigma()[2].to_degrees() < 0.011, "{:?}", kept.sigma());
+    let refusal = refusal(told(46.0, 0.01));
+    let Refusal::HeadingContradicted { found_deg, .. } = refusal else {
+        panic!("{refusal:?}");
+    };
+    assert!((found_deg - 45.0).abs() < 0.01, "{found_deg}");
+}

@@ -243,12 +243,23 @@ pub fn align_by_stops(
         })
         .collect();
     let result = align(&record, &windows, &options)?;
-    if result.method == AlignmentMethod::Levelling && request.method == AlignmentMethod::Auto {
+    let levelled = result.method == AlignmentMethod::Levelling;
+    if levelled && request.method == AlignmentMethod::Auto && request.heading_deg.is_none() {
         warnings.push(Warning {
             code: "azimuth_unobservable",
             message: format!("the heading is not found: {}", result.reason),
-            remedy: "stand longer, turn the unit between stops, use better gyros, or give the heading (`--heading-deg`)"
+            remedy: "stand longer, turn the unit between stops, use better gyros, or give the heading (`--heading-deg` with `--heading-sigma-deg`)"
                 .into(),
+        });
+    }
+    if !levelled && !result.observable[2] {
+        warnings.push(Warning {
+            code: "azimuth_unobservable",
+            message: format!(
+                "the heading has a standard deviation of {:.1}°",
+                result.azimuth_sigma.to_degrees()
+            ),
+            remedy: "stand longer, turn the unit between stops, or use better gyros".into(),
         });
     }
     let given = Given {
@@ -391,7 +402,7 @@ struct Given {
 fn report(result: &AlignmentResult, stops: &[[f64; 2]], given: Given) -> AlignReport {
     let euler = result.euler();
     let sigma = result.sigma();
-    let found = result.method != AlignmentMethod::Levelling;
+    let found = result.method != AlignmentMethod::Levelling || result.azimuth.is_some();
     let three = |i: usize| [sigma[i], sigma[i + 1], sigma[i + 2]];
     let (sin, cos) = euler.heading.sin_cos();
     // Tilt errors about north and east as errors of roll and pitch (small pitch).
@@ -418,7 +429,7 @@ fn report(result: &AlignmentResult, stops: &[[f64; 2]], given: Given) -> AlignRe
         pitch_deg: euler.pitch.to_degrees(),
         sigma_pitch_deg: along(-sin, cos),
         heading_deg: found.then(|| turns(euler.heading)),
-        sigma_heading_deg: result.azimuth_sigma.to_degrees(),
+        sigma_heading_deg: result.azimuth_sigma.to_degrees().min(180.0),
         azimuth_deg: result.azimuth.map(turns),
         gyro_bias_rad_per_s: result.gyro_bias.into(),
         sigma_gyro_bias_rad_per_s: three(3),

@@ -20,6 +20,7 @@ use crate::earth::{EARTH_RATE, Geodetic};
 use crate::error::Result;
 use crate::imu::ImuNoise;
 use crate::time::Time;
+use core::f64::consts::PI;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use std::format;
 use std::string::{String, ToString};
@@ -41,8 +42,12 @@ const LARGEST_DISAGREEMENT: f64 = 4.0;
 const LEAST_CYCLES: f64 = 2.7;
 /// A body whose attitude scatters by more is turned, not rocking, rad rms.
 const LARGEST_ROCKING: f64 = 0.1;
+/// Means of the halves of a stop that is only levelled: their sigmas are those of a class, and units differ within it.
+const LARGEST_DIFFERENCE: f64 = 6.0;
 /// The Kalman filter's normalised innovations on a quiet base: their mean over thousands stays below.
 const QUIET_NIS: f64 = 1.3;
+/// A heading that is told may differ from the stops' by so many sigmas.
+const LARGEST_CONTRADICTION: f64 = 5.0;
 /// The horizontal Earth rate may be off by so many sigmas.
 const LARGEST_NORM: f64 = 4.0;
 
@@ -155,21 +160,22 @@ pub fn align(
     options.check()?;
     let spans = spans(record, stops)?;
     let place = Place::new(&options.position);
-    let mut method = options.method;
     let task = Task {
         record,
         place,
         spans,
         options,
     };
-    if method == AlignmentMethod::Levelling {
+    task.require_gravity()?;
+    if options.method == AlignmentMethod::Levelling {
         return task.levelling("asked for".to_string(), None);
     }
     let polar = options.position.latitude.abs() > HIGHEST_LATITUDE;
     let predicted = task.predicted_azimuth_sigma();
     let limit = options.largest_azimuth_sigma;
-    let told = options.heading.is_some();
-    if method == AlignmentMethod::Auto && !told && (polar || predicted > limit) {
+    let auto = options.method == AlignmentMethod::Auto;
+    let finds_north = !polar && predicted <= limit;
+    if auto && !finds_north {
         let reason = if polar {
             "so near a pole there is no north to find".to_string()
         } else {
@@ -181,13 +187,17 @@ pub fn align(
         };
         return task.levelling(reason, Some(predicted));
     }
-    if polar && !told {
+    let keeps = matches!(
+        options.method,
+        AlignmentMethod::Zupt2 | AlignmentMethod::Paper
+    );
+    if polar {
         return Err(Refusal::AzimuthUnobservable {
             latitude_deg: options.position.latitude.to_degrees(),
         }
         .into());
     }
-    if predicted > limit && !told {
+    if predicted > limit && !(keeps && options.heading.is_some()) {
         return Err(Refusal::LowGrade {
             sigma_azimuth_deg: predicted.to_degrees(),
             limit_deg: limit.to_degrees(),
@@ -196,9 +206,13 @@ pub fn align(
     }
     task.require_long()?;
     record.require_whole(task.whole())?;
-    if told && method == AlignmentMethod::Auto {
-        method = AlignmentMethod::Zupt2;
-    }
+    // A heading that is known better than the stops will tell it is kept; another is one more piece of knowledge.
+    let better = options.heading.is_some_and(|(_, sigma)| sigma < predicted);
+    let method = if auto && better {
+        AlignmentMethod::Zupt2
+    } else {
+        options.method
+    };
     match method {
         AlignmentMethod::Coarse | AlignmentMethod::TwoVector | AlignmentMethod::Gyrocompass => {
             task.single(method)
@@ -322,6 +336,38 @@ impl Task<'_> {
             .fold(single, f64::min)
     }
 
+    /// The accelerometers must feel gravity: wrong units are found nowhere else.
+    fn require_gravity(&self) -> Result<()> {
+        let allowed = (0.05 * self.place.gravity).max(5.0 * self.options.noise.accel_bias_sigma);
+        for span in &self.spans {
+            let nodes = &self.record.nodes[span.begin..span.end];
+            let felt: f64 = nodes.iter().map(|node| node.gain.norm()).sum();
+            let force = felt / self.length(*span);
+            if (force - self.place.gravity).abs() > allowed {
+                return Err(Refusal::NotGravity {
+                    begin_s: self.begin_s(*span),
+                    force_m_per_s2: force,
+                    gravity_m_per_s2: self.place.gravity,
+                }
+                .into());
+            }
+        }
+        Ok(())
+    }
+
+    /// For methods without a fit through the stop: its halves have the same means.
+    fn require_still(&self, span: Span) -> Result<()> {
+        let difference_sigma = level::halves(self.record, span, &self.options.noise);
+        if difference_sigma > LARGEST_DIFFERENCE {
+            return Err(Refusal::Moving {
+                begin_s: self.begin_s(span),
+                difference_sigma,
+            }
+            .into());
+        }
+        Ok(())
+    }
+
     fn levelling(&self, reason: String, predicted: Option<f64>) -> Result<AlignmentResult> {
         let span = self.spans[self.spans.len() - 1];
         let have_s = self.length(span);
@@ -335,7 +381,9 @@ impl Task<'_> {
             .into());
         }
         self.record.require_whole(span)?;
-        let levelled = level::level(self.record, span, &self.place, &self.options.noise);
+        self.require_still(span)?;
+        let heading = self.options.heading;
+        let levelled = level::level(self.record, span, &self.place, &self.options.noise, heading);
         let predicted = predicted.unwrap_or_else(|| self.predicted_azimuth_sigma());
         let mut result = self.result(
             AlignmentMethod::Levelling,
@@ -345,16 +393,22 @@ impl Task<'_> {
             Vector3::zeros(),
             levelled.covariance,
         );
-        result.azimuth = None;
-        result.azimuth_sigma = predicted;
-        result.observable[2] = false;
+        match heading {
+            Some((told, _)) => {
+                result.azimuth = Some(told.rem_euclid(core::f64::consts::TAU));
+            }
+            None => {
+                result.azimuth_sigma = predicted;
+                result.observable[2] = false;
+            }
+        }
         Ok(result)
     }
 
-    /// Coarse start at the first stop's begin; with a given heading, turned to it.
-    fn start(&self) -> Start {
+    /// Coarse start at the first stop's begin, turned to a heading that is kept.
+    fn start(&self, keeps_heading: bool) -> Start {
         let mut start = coarse::inertial_frame(self.record, self.spans[0], &self.place);
-        if let Some((heading, _)) = self.options.heading {
+        if let Some((heading, _)) = self.options.heading.filter(|_| keeps_heading) {
             let turn = wrap_angle(heading - Euler::from_quaternion(&start.q_nb).heading);
             start.q_nb = exp(&Vector3::new(0.0, 0.0, turn)) * start.q_nb;
         }
@@ -364,6 +418,7 @@ impl Task<'_> {
     /// Methods that look at one stop (the last), leave the biases alone and say so in the covariance.
     fn single(&self, method: AlignmentMethod) -> Result<AlignmentResult> {
         let span = self.spans[self.spans.len() - 1];
+        self.require_still(span)?;
         let q_nb = match method {
             AlignmentMethod::TwoVector => {
                 let start = coarse::two_vector(self.record, span);
@@ -438,7 +493,8 @@ impl Task<'_> {
 
     /// The paper's own equations.
     fn paper(&self) -> Result<AlignmentResult> {
-        let start = self.start();
+        let keeps = self.options.heading.is_some();
+        let start = self.start(keeps);
         let (drift, azimuth, q_nb) = match self.spans.as_slice() {
             [span] => {
                 if self.options.heading.is_none() {
@@ -458,7 +514,7 @@ impl Task<'_> {
             [] => return Err(Refusal::NoStop.into()),
         };
         // The paper gives no covariance: that of the joint regression of the same stops is what its noise would leave at best.
-        let problem = self.problem(start);
+        let problem = self.problem(start, keeps);
         let fit = Joint::fit(&problem, Taper::None, false).ok_or(Refusal::NoData)?;
         let mut result = self.result(
             AlignmentMethod::Paper,
@@ -478,10 +534,10 @@ impl Task<'_> {
         Ok(result)
     }
 
-    fn problem(&self, start: Start) -> Problem<'_> {
+    fn problem(&self, start: Start, keeps_heading: bool) -> Problem<'_> {
         let noise = &self.options.noise;
         // Positions that do not tell drift and azimuth apart leave that to what is known beforehand; others are fitted without.
-        let apart = self.options.heading.is_some() || self.shape(&start).ratio >= LEAST_RATIO;
+        let apart = keeps_heading || self.shape(&start).ratio >= LEAST_RATIO;
         Problem {
             knowledge: (!apart).then_some([noise.gyro_bias_sigma, noise.accel_bias_sigma]),
             record: self.record,
@@ -489,7 +545,8 @@ impl Task<'_> {
             spans: self.spans.clone(),
             noise: &self.options.noise,
             gyro_scale_sigma: self.options.gyro_scale_sigma,
-            heading_sigma: self.options.heading.map(|(_, sigma)| sigma),
+            heading: self.options.heading,
+            keeps_heading,
             start,
         }
     }
@@ -523,7 +580,11 @@ impl Task<'_> {
             }
             _ => {}
         }
-        let problem = self.problem(self.start());
+        let keeps = asked == AlignmentMethod::Zupt2;
+        if keeps {
+            self.require_heading()?;
+        }
+        let problem = self.problem(self.start(keeps), keeps);
         let plain = Joint::fit(&problem, Taper::None, false).ok_or(Refusal::NoData)?;
         let shape = geometry_of(&plain);
         if asked == AlignmentMethod::MultiPosition && shape.ratio < LEAST_RATIO {
@@ -550,13 +611,38 @@ impl Task<'_> {
             } else {
                 Joint::fit(&problem, taper, !quiet).ok_or(Refusal::NoData)?
             };
-            self.by_joint(asked, &fit, taper, nis)?
+            self.by_joint(asked, &fit, taper, quiet, nis)?
         } else {
             self.by_filter(asked, &plain, &filtered, &halves)?
         };
         result.nis_ratio = Some(nis);
         self.require_latitude(&mut result)?;
         Ok(result)
+    }
+
+    /// A heading that is kept must be one that the stops can have.
+    fn require_heading(&self) -> Result<()> {
+        let Some((told, sigma)) = self.options.heading else {
+            return Ok(());
+        };
+        let problem = Problem {
+            heading: None,
+            ..self.problem(self.start(false), false)
+        };
+        // Tapered, with what rocking does: the check is for degrees, not for the last minute of arc.
+        let fit = Joint::fit(&problem, Taper::HannSquared, true).ok_or(Refusal::NoData)?;
+        let found = Euler::from_quaternion(&fit.run.q_nb[0]).heading;
+        let own = fit.covariance[(2, 2)].sqrt().hypot(sigma);
+        let sigmas = wrap_angle(told - found).abs() / own;
+        if sigmas > LARGEST_CONTRADICTION {
+            return Err(Refusal::HeadingContradicted {
+                told_deg: told.to_degrees(),
+                found_deg: found.to_degrees().rem_euclid(360.0),
+                sigmas,
+            }
+            .into());
+        }
+        Ok(())
     }
 
     fn halves(&self, fit: &Joint, taper: Taper) -> Vec<f64> {
@@ -600,10 +686,10 @@ impl Task<'_> {
         asked: AlignmentMethod,
         fit: &Joint,
         taper: Taper,
+        quiet: bool,
         nis: f64,
     ) -> Result<AlignmentResult> {
         let noise = &self.options.noise;
-        let rocking = nis >= QUIET_NIS;
         let mut halves = Vec::with_capacity(fit.stops.len());
         for (i, standing) in fit.stops.iter().enumerate() {
             let left = fit.sway.get(i).map(|_| fit.residuals[i].as_slice());
@@ -634,10 +720,12 @@ impl Task<'_> {
             _ => AlignmentMethod::Joint,
         };
         let end = fit.run.q_nb[fit.run.q_nb.len() - 1];
-        let because = if rocking {
+        let because = if quiet {
+            "the base is quiet"
+        } else if nis >= QUIET_NIS {
             "the base rocks"
         } else {
-            "the base is quiet"
+            "the halves of a stop differ without a taper"
         };
         let mut result = self.result(
             method,
@@ -693,7 +781,13 @@ impl Task<'_> {
         let left = first.rate_n - axes[0] * drift;
         let residual = left.x.hypot(left.y) / horizontal - 1.0;
         let turn = (axes[1] - axes[0]).fixed_view::<2, 2>(0, 0).norm() / 8f64.sqrt();
-        let sigma = first.sigma_rate.x / (2f64.sqrt() * turn * horizontal);
+        // Two rates, what the gyros wander between them, and what their scale error makes of the turn.
+        let apart = last.begin.since(first.begin);
+        let noise = &self.options.noise;
+        let wander = 2.0 * noise.gyro_bias_sigma.powi(2) / noise.gyro_bias_tau * apart;
+        let scale = self.options.gyro_scale_sigma * PI * horizontal;
+        let variance = first.sigma_rate.x.powi(2) + last.sigma_rate.x.powi(2);
+        let sigma = (variance + wander + scale * scale).sqrt() / (2.0 * turn * horizontal);
         result.norm_residual = Some([residual, sigma]);
         let sigmas = residual.abs() / sigma;
         if sigmas > LARGEST_NORM && turn > 0.1 {

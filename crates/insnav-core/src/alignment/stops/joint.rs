@@ -54,6 +54,7 @@ struct Pass {
     steps: Vec<Step>,
     stops: Vec<Standing>,
     normals: Vec<StopNormal>,
+    weights: Weights,
     /// Sensitivity of (φ, v) at the end to what is fitted globally.
     at_end: SMatrix<f64, STATES, GLOBAL>,
     /// Inverse of the global normal matrix.
@@ -150,8 +151,10 @@ impl Pass {
             next = to;
             normals.push(StopNormal::new(stop, rows, values)?);
         }
-        let (inverse, solution) = solve(problem, &stops, &normals)?;
+        let weights = Weights::of(problem, &stops[0]);
+        let (inverse, solution) = solve(problem, start, &stops, &normals, &weights)?;
         Some(Pass {
+            weights,
             run,
             steps,
             stops,
@@ -229,7 +232,8 @@ impl Pass {
         for stop in &self.stops {
             // The row of the vertical force: what it says of the accelerometer bias, and its own error.
             let error = problem.vertical_sigma(stop.length());
-            let gain = outputs * (self.inverse * vertical_row(stop)) / (error * error);
+            let weighted = error * self.weights.scale;
+            let gain = outputs * (self.inverse * vertical_row(stop)) / (weighted * weighted);
             let mut accel = on_biases.fixed_columns_mut::<3>(3);
             accel -= gain * stop.axes_n.row(2);
             sum += gain * gain.transpose() * (error * error);
@@ -291,7 +295,7 @@ impl Pass {
         let accel = on_biases.fixed_columns::<3>(3).into_owned();
         add(&mut sum, &gyro, noise.gyro_bias_sigma.powi(2));
         add(&mut sum, &accel, noise.accel_bias_sigma.powi(2));
-        if let Some(sigma) = problem.heading_sigma {
+        if let Some(sigma) = problem.kept_heading_sigma() {
             let heading = adjoint.column(2);
             sum += heading * heading.transpose() * (sigma * sigma);
         }
@@ -336,11 +340,48 @@ impl StopNormal {
     }
 }
 
+/// What stands beside the rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Weights {
+    /// Standard deviations of the biases, rad/s and m/s².
+    gyro: f64,
+    accel: f64,
+    /// Where what is known beforehand counts: the rows' weights promise more than the unit's noise keeps, and everything that is
+    /// weighed against them is brought to their scale. 1 elsewhere.
+    scale: f64,
+    /// Whether the biases are known to be zero beforehand, or only kept from running away.
+    known: bool,
+}
+
+impl Weights {
+    fn of(problem: &Problem<'_>, stop: &Standing) -> Self {
+        match problem.knowledge {
+            Some([gyro, accel]) => {
+                let scale = promised(problem, stop);
+                Weights {
+                    gyro: gyro * scale,
+                    accel: accel * scale,
+                    scale,
+                    known: true,
+                }
+            }
+            None => Weights {
+                gyro: WEAK_GYRO.max(10.0 * problem.noise.gyro_bias_sigma),
+                accel: WEAK_ACCEL.max(10.0 * problem.noise.accel_bias_sigma),
+                scale: 1.0,
+                known: false,
+            },
+        }
+    }
+}
+
 /// Inverse of the global normal matrix with its priors, and the solution.
 fn solve(
     problem: &Problem<'_>,
+    start: &Start,
     stops: &[Standing],
     normals: &[StopNormal],
+    weights: &Weights,
 ) -> Option<(SMatrix<f64, GLOBAL, GLOBAL>, Global)> {
     let mut matrix = SMatrix::<f64, GLOBAL, GLOBAL>::zeros();
     let mut right = Global::zeros();
@@ -349,23 +390,21 @@ fn solve(
         right += normal.reduced_right;
         // The mean vertical force is −g but for the accelerometer's bias along it.
         let row = vertical_row(stop);
-        let weight = problem.vertical_sigma(stop.length()).powi(-2);
+        let weight = (problem.vertical_sigma(stop.length()) * weights.scale).powi(-2);
         matrix += row * row.transpose() * weight;
         right += row * ((stop.force_down + problem.place.gravity) * weight);
     }
-    let [gyro, accel] = match problem.knowledge {
-        // The rows' weights promise more than the unit's noise keeps: what is known beforehand is weighed on their scale.
-        Some(sigmas) => sigmas.map(|s| s * promised(problem, &stops[0])),
-        None => [
-            WEAK_GYRO.max(10.0 * problem.noise.gyro_bias_sigma),
-            WEAK_ACCEL.max(10.0 * problem.noise.accel_bias_sigma),
-        ],
-    };
     for i in 0..3 {
-        matrix[(3 + i, 3 + i)] += gyro.powi(-2);
-        matrix[(6 + i, 6 + i)] += accel.powi(-2);
+        let (gyro, accel) = (weights.gyro.powi(-2), weights.accel.powi(-2));
+        matrix[(3 + i, 3 + i)] += gyro;
+        matrix[(6 + i, 6 + i)] += accel;
+        if weights.known {
+            // Of the biases themselves, not of what this pass adds to them.
+            right[3 + i] -= start.gyro_bias[i] * gyro;
+            right[6 + i] -= start.accel_bias[i] * accel;
+        }
     }
-    if problem.heading_sigma.is_some() {
+    if problem.keeps_heading {
         matrix[(2, 2)] += FIXED.powi(-2);
     }
     // Unknowns differ by eight orders of magnitude: bring the diagonal to one before factorising.

@@ -7,7 +7,7 @@ use super::free_run::{FreeRun, INPUTS, STATES, Start};
 use super::joint::{GLOBAL, steps};
 use super::problem::Problem;
 use super::standing::{Standing, Taper};
-use crate::attitude::exp;
+use crate::attitude::{Euler, exp, wrap_angle};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 const N: usize = STATES + INPUTS + 1;
@@ -94,7 +94,7 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         .map(|s| Standing::new(problem.record, &run, *s, Taper::None))
         .collect();
     let steps = steps(problem, &run, &stops);
-    let heading = problem.heading_sigma.unwrap_or(FLAT_HEADING);
+    let heading = problem.heading.map_or(FLAT_HEADING, |(_, sigma)| sigma);
     let mut diagonal = State::zeros();
     let mut filter = Filter {
         x: State::zeros(),
@@ -110,10 +110,8 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         filter.x[STATES + i] = -start.gyro_bias[i];
         filter.x[ACCEL + i] = -start.accel_bias[i];
     }
-    if problem.heading_sigma.is_some() {
-        // The start's own heading error against what was known beforehand.
-        let told = problem.start.q_nb * start.q_nb.inverse();
-        filter.x[2] = crate::attitude::log(&told).z;
+    if let Some((told, _)) = problem.heading {
+        filter.x[2] = wrap_angle(told - Euler::from_quaternion(&start.q_nb).heading);
     }
     filter.p = Covariance::from_diagonal(&diagonal.map(|s| s * s));
 

@@ -4,47 +4,117 @@ use super::joint::GLOBAL;
 use super::place::Place;
 use super::record::{Record, Span};
 use crate::alignment::levelling::from_force;
-use crate::attitude::log;
+use crate::attitude::{exp, log};
 use crate::imu::ImuNoise;
 use core::f64::consts::PI;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
-/// Level attitude (heading zero) and mean rate of a stop.
+/// Level attitude (heading zero, or as told) and mean rate of a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Levelled {
     pub(super) q_nb: UnitQuaternion<f64>,
-    /// Mean rate less the Earth's vertical rate.
+    /// Mean rate less what is known of the Earth's.
     pub(super) gyro_bias: Vector3<f64>,
     pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
 }
 
-/// From the mean force in body axes: the mean attitude of the stop. Gyros that cannot find north would only turn it away.
-pub(super) fn level(record: &Record, span: Span, place: &Place, noise: &ImuNoise) -> Levelled {
-    let nodes = &record.nodes[span.begin..span.end];
-    let length: f64 = nodes.iter().map(|node| node.dt).sum();
-    let rate = nodes
-        .iter()
-        .map(|node| log(&node.rotation))
-        .sum::<Vector3<f64>>()
-        / length;
-    let force: Vector3<f64> = nodes.iter().map(|node| node.gain).sum();
-    let q_nb = from_force(&force);
-    let earth_b = q_nb.inverse() * Vector3::new(0.0, 0.0, place.earth_n.z);
-    let mut covariance = covariance(&q_nb, place, noise, length, None);
-    // The bias is the mean rate: white noise, the unknown direction of the Earth's horizontal rate, and drift in the stop.
+/// Means of a stretch: rate and specific force, body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Means {
+    pub(super) rate_b: Vector3<f64>,
+    pub(super) force_b: Vector3<f64>,
+    /// s.
+    pub(super) length: f64,
+}
+
+impl Means {
+    pub(super) fn of(record: &Record, span: Span) -> Self {
+        let nodes = &record.nodes[span.begin..span.end];
+        let length: f64 = nodes.iter().map(|node| node.dt).sum();
+        let turn: Vector3<f64> = nodes.iter().map(|node| log(&node.rotation)).sum();
+        let gain: Vector3<f64> = nodes.iter().map(|node| node.gain).sum();
+        Means {
+            rate_b: turn / length,
+            force_b: gain / length,
+            length,
+        }
+    }
+}
+
+/// Rocking leaves so much between the means of two halves of a stop, rad/s and m/s² (15 mrad in a stop of five minutes).
+const ROCKS: [f64; 2] = [1e-4, 0.02];
+
+/// Largest difference of the two halves' means in its sigmas, by white noise, wander and rocking.
+pub(super) fn halves(record: &Record, span: Span, noise: &ImuNoise) -> f64 {
+    let middle = (span.begin + span.end) / 2;
+    let [first, second] = [(span.begin, middle), (middle, span.end)]
+        .map(|(begin, end)| Means::of(record, Span { begin, end }));
+    let sigma = |white: f64, bias: f64, tau: f64, rocks: f64| {
+        let length = first.length.min(second.length);
+        let own = 2.0 * white * white / length + 2.0 * bias * bias / tau * length * 2.0 / 3.0;
+        own.sqrt().hypot(rocks / 3.0)
+    };
+    let rate = (first.rate_b - second.rate_b).amax()
+        / sigma(
+            noise.gyro_white,
+            noise.gyro_bias_sigma,
+            noise.gyro_bias_tau,
+            ROCKS[0],
+        );
+    let force = (first.force_b - second.force_b).amax()
+        / sigma(
+            noise.accel_white,
+            noise.accel_bias_sigma,
+            noise.accel_bias_tau,
+            ROCKS[1],
+        );
+    rate.max(force)
+}
+
+/// From the mean force in body axes: the mean attitude of the stop. Gyros that cannot find north would only turn it away. With a
+/// heading that is known (and its sigma, rad) the attitude has that, and the gyro bias is free of the Earth's whole rate.
+pub(super) fn level(
+    record: &Record,
+    span: Span,
+    place: &Place,
+    noise: &ImuNoise,
+    heading: Option<(f64, f64)>,
+) -> Levelled {
+    let Means {
+        rate_b,
+        force_b,
+        length,
+    } = Means::of(record, span);
+    let (told, sigma) = heading.unwrap_or((0.0, 0.0));
+    let q_nb = exp(&Vector3::new(0.0, 0.0, told)) * from_force(&force_b);
     let axes = q_nb.inverse().to_rotation_matrix().into_inner();
-    let horizontal = 0.5 * place.horizontal_rate().powi(2);
+    let horizontal = place.horizontal_rate();
+    let mut covariance = covariance(&q_nb, place, noise, length, None);
     let drift = 2.0 * noise.gyro_bias_sigma.powi(2) / noise.gyro_bias_tau * length / 3.0;
-    let gyro = axes
-        * Matrix3::from_diagonal(&Vector3::new(horizontal, horizontal, 0.0))
-        * axes.transpose()
-        + Matrix3::identity() * (noise.gyro_white.powi(2) / length + drift);
-    covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&gyro);
+    let mut gyro = Matrix3::identity() * (noise.gyro_white.powi(2) / length + drift);
     covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
     covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
+    let earth_n = if heading.is_some() {
+        // A heading error turns the Earth's horizontal rate into east: b = ω − Cᵀ(1 − φ×)Ω.
+        let east_b = axes.column(1) * -horizontal;
+        covariance[(2, 2)] = sigma * sigma;
+        let cross = east_b * (sigma * sigma);
+        covariance
+            .fixed_view_mut::<1, 3>(2, 3)
+            .copy_from(&cross.transpose());
+        covariance.fixed_view_mut::<3, 1>(3, 2).copy_from(&cross);
+        gyro += east_b * east_b.transpose() * (sigma * sigma);
+        place.earth_n
+    } else {
+        // Its direction is not known: either horizontal axis has half of its square.
+        let half = 0.5 * horizontal * horizontal;
+        gyro += axes * Matrix3::from_diagonal(&Vector3::new(half, half, 0.0)) * axes.transpose();
+        Vector3::new(0.0, 0.0, place.earth_n.z)
+    };
+    covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&gyro);
     Levelled {
         q_nb,
-        gyro_bias: rate - earth_b,
+        gyro_bias: rate_b - axes * earth_n,
         covariance,
     }
 }

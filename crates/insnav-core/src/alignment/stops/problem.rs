@@ -21,8 +21,10 @@ pub(super) struct Problem<'a> {
     pub(super) noise: &'a ImuNoise,
     /// Standard deviation of the gyros' scale factors: it acts in the turns between stops.
     pub(super) gyro_scale_sigma: f64,
-    /// Standard deviation of the heading at the first stop's begin, if it is known beforehand.
-    pub(super) heading_sigma: Option<f64>,
+    /// Heading at the first stop's begin and its standard deviation, if it is known beforehand.
+    pub(super) heading: Option<(f64, f64)>,
+    /// Whether a regression keeps to that heading.
+    pub(super) keeps_heading: bool,
     /// Standard deviations of the biases beforehand (rad/s, m/s²), where a regression must lean on them.
     pub(super) knowledge: Option<[f64; 2]>,
     /// Coarse start.
@@ -41,6 +43,13 @@ impl Problem<'_> {
     /// Standard deviation of a stop's mean vertical force against normal gravity, m/s².
     pub(super) fn vertical_sigma(&self, length: f64) -> f64 {
         GRAVITY_SIGMA.hypot(self.noise.accel_white / length.sqrt())
+    }
+
+    /// Standard deviation of the heading that a regression keeps to.
+    pub(super) fn kept_heading_sigma(&self) -> Option<f64> {
+        self.heading
+            .filter(|_| self.keeps_heading)
+            .map(|(_, sigma)| sigma)
     }
 
     /// Rotation vector between the stop before `stop` and that stop, n, rad.

@@ -59,6 +59,25 @@ pub(super) fn rates(
     }
 }
 
+/// How much of a step of the rate at each node the rate of a fit takes: horizontal and vertical, with the node's length.
+fn reach(t: &[f64], taper: Taper) -> Vec<([f64; 2], f64)> {
+    let weights = taper.weights(t);
+    let twice = twice_summed(t, &derivative_row::<3>(t, &weights));
+    let once = once_summed(&derivative_row::<2>(t, &weights));
+    let mut sums = [0.0; 2];
+    let mut out: Vec<([f64; 2], f64)> = (0..t.len() - 1)
+        .rev()
+        .map(|k| {
+            let dt = t[k + 1] - t[k];
+            sums[0] += twice[k] * dt;
+            sums[1] += once[k] * dt;
+            (sums, dt)
+        })
+        .collect();
+    out.reverse();
+    out
+}
+
 /// Difference between the rates of the two halves of a stop, in its sigmas; `rocking`: the fit's residuals, when the base rocks.
 pub(super) fn disagreement(
     standing: &Standing,
@@ -74,21 +93,26 @@ pub(super) fn disagreement(
     let difference = first.rate_n - second.rate_n;
     let mut variance =
         first.sigma.component_mul(&first.sigma) + second.sigma.component_mul(&second.sigma);
-    if let Some(left) = rocking {
-        // Rocking leaks into the halves, whose tapers hold half as many of its periods, more than into the whole.
-        for (from, to) in [(0, middle), (middle, end)] {
-            let t: Vec<f64> = standing.t[from..=to]
-                .iter()
-                .map(|x| x - standing.t[from])
-                .collect();
-            let weights = taper.weights(&t);
-            let bend = derivative_row::<3>(&t, &weights);
-            let slope = derivative_row::<2>(&t, &weights);
-            let channel = |i: usize| left.iter().map(|r| r[i]).collect::<Vec<f64>>();
-            let of = |i, c: &[f64]| leak(&standing.t, &channel(i), from, c);
-            let square = place.gravity * place.gravity;
-            variance += Vector3::new(of(1, &bend) / square, of(0, &bend) / square, of(2, &slope));
+    let drift = 2.0 * noise.gyro_bias_sigma.powi(2) / noise.gyro_bias_tau;
+    for (from, to, whole) in [(0, middle, 1.0), (middle, end, 0.0)] {
+        let t: Vec<f64> = standing.t[from..=to]
+            .iter()
+            .map(|x| x - standing.t[from])
+            .collect();
+        // A gyro that wanders in the first half is another one in the whole second half.
+        for ([horizontal, vertical], dt) in reach(&t, taper) {
+            let step = [whole - horizontal, whole - vertical].map(|s: f64| s * s * drift * dt);
+            variance += Vector3::new(step[0], step[0], step[1]);
         }
+        let Some(left) = rocking else { continue };
+        // Rocking leaks into the halves, whose tapers hold half as many of its periods, more than into the whole.
+        let weights = taper.weights(&t);
+        let bend = derivative_row::<3>(&t, &weights);
+        let slope = derivative_row::<2>(&t, &weights);
+        let channel = |i: usize| left.iter().map(|r| r[i]).collect::<Vec<f64>>();
+        let of = |i, c: &[f64]| leak(&standing.t, &channel(i), from, c);
+        let square = place.gravity * place.gravity;
+        variance += Vector3::new(of(1, &bend) / square, of(0, &bend) / square, of(2, &slope));
     }
     difference.component_div(&variance.map(f64::sqrt))
 }

@@ -26,15 +26,27 @@ pub enum Refusal {
     /// No stop at all.
     #[error("no stop is given: name at least one window of standing")]
     NoStop,
-    /// Windows that overlap or are not in the order of time.
+    /// Windows that overlap.
     #[error(
-        "the stop that begins at {begin_s:.3} s overlaps the one before, which ends at {previous_end_s:.3} s: give stops in the order of time"
+        "the stop that begins at {begin_s:.3} s overlaps the one before, which ends at {previous_end_s:.3} s: give stops that do not overlap"
     )]
     StopsOverlap {
         /// Begin of the later window.
         begin_s: f64,
         /// End of the earlier one.
         previous_end_s: f64,
+    },
+    /// What the accelerometers feel is not gravity.
+    #[error(
+        "in the stop at {begin_s:.3} s the accelerometers feel {force_m_per_s2:.3} m/s², gravity is {gravity_m_per_s2:.3}: check the units of the inertial data, and that the body stands"
+    )]
+    NotGravity {
+        /// Begin of the window.
+        begin_s: f64,
+        /// Size of the mean specific force.
+        force_m_per_s2: f64,
+        /// Gravity there.
+        gravity_m_per_s2: f64,
     },
     /// A stop shorter than the method can use.
     #[error("the stop at {begin_s:.3} s lasts {have_s:.1} s, {need_s:.1} s are needed: {reason}")]
@@ -59,6 +71,16 @@ pub enum Refusal {
         velocity_rms_m_per_s: f64,
         /// Largest difference of a component, in its sigmas.
         disagreement_sigma: f64,
+    },
+    /// The two halves of a stop have different mean rates or forces.
+    #[error(
+        "the body does not stand in the stop at {begin_s:.3} s: mean rates or forces of its two halves differ by {difference_sigma:.1} sigmas (6 allowed): shorten the window to what is still"
+    )]
+    Moving {
+        /// Begin of the window.
+        begin_s: f64,
+        /// Largest difference of a component, in its sigmas.
+        difference_sigma: f64,
     },
     /// Positions that leave one direction of the unknowns unseen.
     #[error(
@@ -94,6 +116,18 @@ pub enum Refusal {
         /// Horizontal rate found over Ω cos L, minus one.
         norm_residual: f64,
         /// That in its sigmas.
+        sigmas: f64,
+    },
+    /// A heading that is told, and one that the stops tell.
+    #[error(
+        "the heading told is {told_deg:.3}°, the stops tell {found_deg:.3}° ({sigmas:.1} sigmas apart, 5 allowed): correct the heading, or state a larger sigma for it"
+    )]
+    HeadingContradicted {
+        /// As told.
+        told_deg: f64,
+        /// As found without it.
+        found_deg: f64,
+        /// How far apart in their common sigma.
         sigmas: f64,
     },
     /// Too near a pole.
@@ -173,11 +207,13 @@ impl Refusal {
             Refusal::OutsideData { .. } => "outside_data",
             Refusal::NoStop => "no_stop",
             Refusal::StopsOverlap { .. } => "stops_overlap",
+            Refusal::NotGravity { .. } => "not_gravity",
             Refusal::StopTooShort { .. } => "stop_too_short",
-            Refusal::NotStationary { .. } => "not_stationary",
+            Refusal::NotStationary { .. } | Refusal::Moving { .. } => "not_stationary",
             Refusal::SingularGeometry { .. } => "singular_geometry",
             Refusal::NegativeDiscriminant { .. } => "negative_discriminant",
             Refusal::LatitudeInconsistent { .. } => "latitude_inconsistent",
+            Refusal::HeadingContradicted { .. } => "heading_contradicted",
             Refusal::AzimuthUnobservable { .. } => "azimuth_unobservable",
             Refusal::LowGrade { .. } => "low_grade",
             Refusal::GapInData { .. } => "gap_in_data",
