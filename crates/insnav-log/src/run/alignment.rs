@@ -98,7 +98,7 @@ pub struct AlignReport {
     pub observable: Observable,
     /// The combination that the positions tell least.
     pub weakest_direction: WeakestDirection,
-    /// How well they tell it, 0 to about 1.4.
+    /// How well they tell it: 0 not at all, 1.4 the best that two positions can do.
     pub geometry_ratio: f64,
     /// The horizontal Earth rate found over that of the latitude, minus one, and its sigma.
     pub norm_residual: Option<[f64; 2]>,

@@ -5,12 +5,14 @@
 
 mod align;
 mod coarse;
+mod fitted;
 mod free_run;
 mod geometry;
 mod gyrocompass;
 mod joint;
 mod kalman;
 mod level;
+mod options;
 mod paper;
 mod place;
 mod problem;
@@ -20,8 +22,12 @@ mod refusal;
 mod result;
 mod standing;
 mod sway;
+mod task;
+mod unfitted;
 
-pub use align::{AlignmentOptions, StopWindow, align, rate_limit};
+pub use align::align;
+pub use options::{AlignmentOptions, StopWindow};
+pub use rates::rate_limit;
 pub use record::Record;
 pub use refusal::Refusal;
 pub use result::{AlignmentMethod, AlignmentResult, StopReport};

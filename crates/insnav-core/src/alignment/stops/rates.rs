@@ -116,3 +116,17 @@ pub(super) fn disagreement(
     }
     difference.component_div(&variance.map(f64::sqrt))
 }
+
+/// Standard deviation (rad/s) of a level rate by one stop of `length` s, tilt and velocity free: the Cramér–Rao limit
+/// σ² = (N²/T)/(1 − tanh u/u), u = T/2λ, λ = N_v/(g N).
+pub fn rate_limit(noise: &ImuNoise, gravity: f64, length: f64) -> f64 {
+    let lambda = noise.accel_white / (gravity * noise.gyro_white);
+    let u = 0.5 * length / lambda;
+    // 1 − tanh u/u → u²/3 for small u.
+    let share = if u < 1e-3 {
+        u * u / 3.0
+    } else {
+        1.0 - u.tanh() / u
+    };
+    noise.gyro_white / (length * share).sqrt()
+}

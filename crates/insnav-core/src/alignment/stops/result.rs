@@ -84,7 +84,7 @@ pub struct AlignmentResult {
     /// Attitude then, body to NED.
     pub q_nb: UnitQuaternion<f64>,
     /// Heading of the body's x axis at the first stop's begin, where the level frame of the drift-free equations is taken,
-    /// rad: the azimuth of \[Lobusov14\]. `None` where north is not found.
+    /// rad: the azimuth of \[Lobusov14\]. `None` where north is not found, and by methods without a fit, which know the end only.
     pub azimuth: Option<f64>,
     /// Gyro bias (drift), body, rad/s: measured minus true.
     pub gyro_bias: Vector3<f64>,
@@ -92,13 +92,14 @@ pub struct AlignmentResult {
     pub accel_bias: Vector3<f64>,
     /// Covariance of attitude error (φ, n: `C = Exp(φ) Ĉ`), gyro bias and accelerometer bias, cross terms included.
     pub covariance: SMatrix<f64, 9, 9>,
-    /// Whether the stops said something of each of these nine: their sigma is less than nine tenths of what it was beforehand.
+    /// Whether the stops said something of each of these nine: attitude to better than the largest azimuth sigma allowed, biases to
+    /// less than nine tenths of their sigma beforehand.
     pub observable: [bool; 9],
     /// Sigma that the azimuth has or, where it is not found, would have with this unit and these stops, rad.
     pub azimuth_sigma: f64,
     /// The combination of azimuth and drift (north, east, down at the first stop, over Ω cos L) that the attitudes tell least.
     pub weakest: Vector4<f64>,
-    /// How well they tell it: 0 not at all, 1 as well as azimuth and drift are told by far-apart positions.
+    /// How well they tell it, a singular value: 0 not at all, 1.4 the best that two positions can do.
     pub geometry_ratio: f64,
     /// Horizontal Earth rate found over that of the latitude, minus one, and its sigma; with two or more positions.
     pub norm_residual: Option<[f64; 2]>,

@@ -1,0 +1,109 @@
+//! Methods without a fit through the stops: levelling, coarse alignment, the loop.
+
+use super::coarse;
+use super::free_run::{FreeRun, Start};
+use super::gyrocompass::levelling_loop;
+use super::level;
+use super::record::Span;
+use super::task::Task;
+use super::{AlignmentMethod, AlignmentResult, Refusal};
+use crate::attitude::{Euler, exp};
+use crate::error::Result;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::string::{String, ToString};
+
+/// The shortest stop for levelling, s.
+const SHORTEST_LEVEL: f64 = 1.0;
+
+impl Task<'_> {
+    pub(super) fn levelling(
+        &self,
+        reason: String,
+        predicted: Option<f64>,
+    ) -> Result<AlignmentResult> {
+        let span = self.spans[self.spans.len() - 1];
+        let have_s = self.length(span);
+        if have_s < SHORTEST_LEVEL {
+            return Err(Refusal::StopTooShort {
+                begin_s: self.begin_s(span),
+                have_s,
+                need_s: SHORTEST_LEVEL,
+                reason: "vibration does not average out of gravity in less",
+            }
+            .into());
+        }
+        self.record.require_whole(span)?;
+        self.require_still(span)?;
+        let heading = self.options.heading;
+        let levelled = level::level(self.record, span, &self.place, &self.options.noise, heading);
+        let predicted = predicted.unwrap_or_else(|| self.predicted_azimuth_sigma());
+        let mut result = self.result(
+            AlignmentMethod::Levelling,
+            reason,
+            levelled.q_nb,
+            levelled.gyro_bias,
+            Vector3::zeros(),
+            levelled.covariance,
+        );
+        match heading {
+            Some((told, _)) => {
+                result.azimuth = Some(told.rem_euclid(core::f64::consts::TAU));
+            }
+            None => {
+                result.azimuth_sigma = predicted;
+                result.observable[2] = false;
+            }
+        }
+        Ok(result)
+    }
+
+    /// Methods that look at one stop (the last), leave the biases alone and say so in the covariance.
+    pub(super) fn single(&self, method: AlignmentMethod) -> Result<AlignmentResult> {
+        let span = self.spans[self.spans.len() - 1];
+        self.require_still(span)?;
+        let q_nb = match method {
+            AlignmentMethod::TwoVector => {
+                let start = coarse::two_vector(self.record, span);
+                self.carried(span, &start)
+            }
+            AlignmentMethod::Coarse => {
+                let start = coarse::inertial_frame(self.record, span, &self.place);
+                self.carried(span, &start)
+            }
+            _ => {
+                let start = coarse::inertial_frame(self.record, span, &self.place);
+                let heading = Euler::from_quaternion(&start.q_nb).heading;
+                let q_level = exp(&Vector3::new(0.0, 0.0, -heading)) * start.q_nb;
+                let found = levelling_loop(self.record, span.begin, span, &self.place, q_level);
+                exp(&Vector3::new(0.0, 0.0, found.azimuth())) * found.q_level
+            }
+        };
+        // The loop settles in the first half.
+        let share = if method == AlignmentMethod::Gyrocompass {
+            0.5
+        } else {
+            1.0
+        };
+        let noise = &self.options.noise;
+        // A mean of rates with tilt free, as the velocity shows it: the quadratic fit's variance, which is what the loop's
+        // integrator and the q-method attain or miss by a few per cent.
+        let length = share * self.length(span);
+        let rate_variance = 10.0 / 7.0 * noise.gyro_white.powi(2) / length
+            + 120.0 / 7.0 * (noise.accel_white / self.place.gravity).powi(2) / length.powi(3);
+        let covariance = level::covariance(&q_nb, &self.place, noise, length, Some(rate_variance));
+        Ok(self.result(
+            method,
+            "asked for".to_string(),
+            q_nb,
+            Vector3::zeros(),
+            Vector3::zeros(),
+            covariance,
+        ))
+    }
+
+    /// The attitude at the end of a stop from that at its begin.
+    pub(super) fn carried(&self, span: Span, start: &Start) -> UnitQuaternion<f64> {
+        let run = FreeRun::new(self.record, span, &self.place, start);
+        run.q_nb[run.q_nb.len() - 1]
+    }
+}
