@@ -1,0 +1,179 @@
+//! A start with GNSS, put together: level, heading carried back to the first sample, position and velocity there.
+
+use super::{Startup, UNKNOWN_SIGMA};
+use crate::alignment::Alignment;
+use crate::alignment::course::{Course, Tilt};
+use crate::alignment::first_fix::{FirstFix, first_fix};
+use crate::alignment::levelling::{Level, level, level_with_velocity};
+use crate::alignment::track::{Inertial, Track, inertial};
+use crate::earth::{EARTH_RATE, earth_rate_n};
+use crate::filter::InitialSigma;
+use crate::imu::ImuErrors;
+use crate::mechanization::NavState;
+use crate::sample::GnssPosition;
+use crate::stationary::GyroSteps;
+use crate::time::Time;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// The first fix is used again as a measurement: its sigma as a prior is widened so that this counts for 1 %.
+const PRIOR_WIDENING: f64 = 10.0;
+
+impl Startup {
+    pub(super) fn align(&mut self, fixes: Option<usize>) -> Option<Alignment> {
+        self.sort();
+        let imu = inertial(&self.samples);
+        let begin = imu.first()?.time;
+        let after = self.positions.partition_point(|p| p.time < begin);
+        let first = after.min(self.positions.len().checked_sub(1)?);
+        let FirstFix { fix, scatter } = first_fix(&self.positions, first, &self.velocities)?;
+        let level = level(&imu, &self.positions, &self.velocities, &self.noise)?;
+        let bias = level
+            .standing_rate
+            .filter(|(rate, _)| rate.norm() < self.believable_rate());
+        // A mean rate at rest has the Earth's rate in it; the track takes out its vertical part itself.
+        let earth_down = Vector3::z() * (EARTH_RATE * fix.position.latitude.sin());
+        let rough_bias = bias.map_or_else(Vector3::zeros, |(rate, _)| {
+            rate + level.q_level.inverse_transform_vector(&earth_down)
+        });
+        let track = Track::new(&imu, &level, &rough_bias, fix.position.latitude);
+        let rounding = match bias {
+            Some(_) => self.rounding(&imu),
+            None => Vector3::zeros(),
+        };
+        // What the gyros add while they carry the heading back.
+        let rate_sigma = bias.map_or(self.noise.gyro_bias_sigma, |(_, sigma)| {
+            (sigma + self.noise.gyro_bias_sigma * 0.1).hypot(rounding.amax())
+        });
+        let tilt = Tilt {
+            begin,
+            sigma: level.tilt_sigma,
+            rate_sigma,
+        };
+        let course = self.heading(fixes, &track, &tilt);
+        let carried = rate_sigma * course.at.since(begin).abs();
+        let heading_sigma = course.sigma.hypot(carried).min(UNKNOWN_SIGMA);
+        let level = if level.standing_rate.is_none() {
+            let heading = (course.heading, heading_sigma);
+            level_with_velocity(&imu, &self.velocities, heading, &level, &self.noise)
+                .unwrap_or(level)
+        } else {
+            level
+        };
+        let mut alignment = self.assemble(&imu, &fix, &level, &course, heading_sigma, bias);
+        let position = &mut alignment.sigma.position;
+        *position = position.sup(&(scatter * 2.0));
+        let gyro_bias = &mut alignment.sigma.gyro_bias;
+        *gyro_bias = gyro_bias.zip_map(&rounding, f64::hypot);
+        Some(alignment)
+    }
+
+    /// What the steps of the gyros' values do to their mean at rest, standard deviations, rad/s.
+    pub(super) fn rounding(&self, imu: &[Inertial]) -> Vector3<f64> {
+        let mut steps = GyroSteps::new(self.noise.gyro_bias_sigma);
+        let mut last = None;
+        for s in imu {
+            steps.push(last.map_or(0.0, |last| s.time.since(last)), &s.rate_b);
+            last = Some(s.time);
+        }
+        steps.rounding().sigma
+    }
+
+    /// A standing rate above this is no bias but a turn, rad/s.
+    fn believable_rate(&self) -> f64 {
+        4.0 * self.noise.gyro_bias_sigma + EARTH_RATE
+    }
+
+    fn assemble(
+        &self,
+        imu: &[Inertial],
+        fix: &GnssPosition,
+        level: &Level,
+        course: &Course,
+        heading_sigma: f64,
+        bias: Option<(Vector3<f64>, f64)>,
+    ) -> Alignment {
+        let begin = imu[0].time;
+        let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
+        let earth_rate_b = q_nb.inverse_transform_vector(&earth_rate_n(fix.position.latitude));
+        let (gyro_bias, gyro_sigma) = match bias {
+            // The Earth rate is known up to the heading's error; the bias moves on while the filter takes over.
+            Some((rate, sigma)) => (
+                rate - earth_rate_b,
+                sigma
+                    .hypot(0.1 * self.noise.gyro_bias_sigma)
+                    .hypot(EARTH_RATE * heading_sigma.min(1.0)),
+            ),
+            None => (Vector3::zeros(), self.noise.gyro_bias_sigma),
+        };
+        let (velocity_n, velocity_sigma) = self.velocity_at(begin, level.standing_s > 0.0);
+        let since = begin.since(fix.time);
+        let lever_n = q_nb * self.lever_arm_b;
+        let fix_sigma = fix
+            .covariance_n
+            .map_or(Vector3::repeat(3.0), |c| c.diagonal().map(f64::sqrt));
+        let nav = NavState {
+            time: begin,
+            position: fix.position.offset(&(velocity_n * since - lever_n)),
+            velocity_n,
+            q_nb,
+        };
+        let spread = velocity_sigma * since.abs() + 0.5 * since * since;
+        Alignment {
+            nav,
+            imu_errors: ImuErrors {
+                gyro_bias,
+                ..ImuErrors::default()
+            },
+            sigma: InitialSigma {
+                position: fix_sigma.map(|s| (PRIOR_WIDENING * s).hypot(spread).max(1.0)),
+                velocity: Vector3::repeat(velocity_sigma),
+                attitude: Vector3::new(level.tilt_sigma, level.tilt_sigma, heading_sigma),
+                gyro_bias: Vector3::repeat(gyro_sigma),
+                accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
+            },
+            standing_s: level.standing_s,
+            heading_source: course.source,
+            heading_at: course.at,
+            rates_doubtful_until: None,
+            reversing: course.reversing,
+        }
+    }
+
+    /// Velocity at the begin, NED, and its standard deviation as a prior.
+    fn velocity_at(&self, begin: Time, standing: bool) -> (Vector3<f64>, f64) {
+        if standing {
+            return (Vector3::zeros(), 0.3);
+        }
+        let nearest = self.velocities.iter().min_by(|a, b| {
+            a.time
+                .since(begin)
+                .abs()
+                .total_cmp(&b.time.since(begin).abs())
+        });
+        if let Some(v) = nearest.filter(|v| v.time.since(begin).abs() < 2.0) {
+            let down = if v.velocity_n.z.is_nan() {
+                0.0
+            } else {
+                v.velocity_n.z
+            };
+            return (
+                Vector3::new(v.velocity_n.x, v.velocity_n.y, down),
+                1.0 + v.time.since(begin).abs(),
+            );
+        }
+        // Positions only: the mean velocity over the first seconds.
+        let mut early = self
+            .positions
+            .iter()
+            .filter(|p| (-1.0..4.0).contains(&p.time.since(begin)));
+        if let (Some(a), Some(b)) = (early.next(), early.next_back())
+            && b.time.since(a.time) >= 1.0
+        {
+            return (
+                a.position.offset_to(&b.position) / b.time.since(a.time),
+                5.0,
+            );
+        }
+        (Vector3::zeros(), 20.0)
+    }
+}

@@ -1,0 +1,84 @@
+//! A start at rest, without GNSS: levelled, with the gyros' bias from what rest shows, and a heading by definition if nobody tells it.
+
+use super::{GIVEN_SIGMA, Startup};
+use crate::alignment::levelling::from_force;
+use crate::alignment::rest::rest_at_begin;
+use crate::alignment::track::inertial;
+use crate::alignment::{Alignment, HeadingSource};
+use crate::earth::{EARTH_RATE, Geodetic, earth_rate_n};
+use crate::filter::InitialSigma;
+use crate::imu::{ImuErrors, STANDARD_GRAVITY};
+use crate::mechanization::NavState;
+use crate::sample::Sample;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Velocity of a body at rest that no piece of [`rest_at_begin`] shows, m/s.
+const REST_VELOCITY: f64 = 0.02;
+
+impl Startup {
+    /// A start at rest at `place`, once motion has begun or there has been enough of it; with `hurry`, with what there is.
+    ///
+    /// The position's sigma is zero, since positions count from there. So is the heading's where nobody tells it: headings then
+    /// count from it, and the Earth's horizontal rate, whose direction is not known, is left in the gyro bias.
+    pub(super) fn at_rest(&mut self, place: Geodetic, hurry: bool) -> Option<Alignment> {
+        self.sort();
+        let imu = inertial(&self.samples);
+        let begin = imu.first()?.time;
+        let rest = rest_at_begin(&imu, &self.noise).filter(|rest| rest.over || hurry)?;
+        let told = self.samples.iter().find_map(|s| match s {
+            Sample::Heading(h) => Some((h.heading, h.sigma)),
+            _ => None,
+        });
+        let given = self.settings.heading_deg.map(|heading| {
+            let sigma = self.settings.heading_sigma_deg;
+            (
+                heading.to_radians(),
+                sigma.map_or(GIVEN_SIGMA, f64::to_radians),
+            )
+        });
+        let (heading, heading_sigma, heading_source) = match given.or(told) {
+            Some((heading, sigma)) => (heading, sigma, HeadingSource::Given),
+            None => (0.0, 0.0, HeadingSource::Relative),
+        };
+        let q_nb =
+            UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * from_force(&rest.force_b);
+        let mut earth_rate_n = earth_rate_n(place.latitude);
+        let mut direction = heading_sigma.min(1.0);
+        if heading_source == HeadingSource::Relative {
+            earth_rate_n.x = 0.0;
+            direction = 1.0;
+        }
+        let tilt_sigma = rest.force_sigma.hypot(self.noise.accel_bias_sigma) / STANDARD_GRAVITY;
+        let gyro_sigma = rest
+            .rate_sigma
+            .hypot(0.1 * self.noise.gyro_bias_sigma)
+            .hypot(EARTH_RATE * direction);
+        let rounding = self.rounding(&imu);
+        let gyro_sigma =
+            Vector3::from_fn(|k, _| gyro_sigma.hypot(rounding[k]).hypot(rest.rate_doubt[k]));
+        Some(Alignment {
+            nav: NavState {
+                time: begin,
+                position: place,
+                velocity_n: Vector3::zeros(),
+                q_nb,
+            },
+            imu_errors: ImuErrors {
+                gyro_bias: rest.rate_b - q_nb.inverse_transform_vector(&earth_rate_n),
+                ..ImuErrors::default()
+            },
+            sigma: InitialSigma {
+                position: Vector3::zeros(),
+                velocity: Vector3::repeat(REST_VELOCITY),
+                attitude: Vector3::new(tilt_sigma, tilt_sigma, heading_sigma),
+                gyro_bias: gyro_sigma,
+                accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
+            },
+            standing_s: rest.span,
+            heading_source,
+            heading_at: begin,
+            rates_doubtful_until: rest.doubtful_until,
+            reversing: false,
+        })
+    }
+}
