@@ -50,6 +50,22 @@ pub struct Body {
     pub pitch: Vec<Wave>,
     /// Speed at which the sway has half its amplitude, m/s; it vanishes at standstill.
     pub sway_speed_m_per_s: f64,
+    /// What never comes to rest: wind, an idling engine, people.
+    pub rocking: BodyRocking,
+}
+
+/// Rocking at the stops and under way alike, about a point that need not be where the unit is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BodyRocking {
+    /// About the forward axis. All three add up to one rotation vector from the attitude that the body has otherwise.
+    pub roll: Vec<Wave>,
+    /// About the right axis.
+    pub pitch: Vec<Wave>,
+    /// About the down axis.
+    pub yaw: Vec<Wave>,
+    /// From the point that follows the path, about which the body rocks and turns, to the inertial unit, body axes, m.
+    pub lever_b_m: [f64; 3],
 }
 
 /// A whole drive: start and legs.
@@ -133,9 +149,22 @@ impl Drive {
             "drive.body.squat_deg_per_m_per_s2",
         )?;
         finite(&[body.sway_speed_m_per_s], "drive.body.sway_speed_m_per_s")?;
+        let lever = &body.rocking.lever_b_m;
+        finite(lever, "drive.body.rocking.lever_b_m")?;
+        let longest = lever.iter().fold(0.0, |a: f64, l| a.max(l.abs()));
+        // The step from one point's level to the other's is of first order in lever over Earth radius.
+        require(
+            longest <= 100.0,
+            "drive.body.rocking.lever_b_m",
+            longest,
+            "within ±100",
+        )?;
         for (waves, key) in [
             (&body.roll, "drive.body.roll"),
             (&body.pitch, "drive.body.pitch"),
+            (&body.rocking.roll, "drive.body.rocking.roll"),
+            (&body.rocking.pitch, "drive.body.rocking.pitch"),
+            (&body.rocking.yaw, "drive.body.rocking.yaw"),
         ] {
             for w in waves {
                 finite(&[w.amplitude_deg, w.frequency_hz, w.phase_deg], key)?;

@@ -12,10 +12,12 @@
 //! # Ok::<(), insnav_core::error::Error>(())
 //! ```
 
+mod carried;
 mod drift_trial;
 mod drive;
 mod gnss;
 mod imu;
+mod navigation_drive;
 mod noise;
 mod quadrature;
 mod range;
@@ -26,9 +28,10 @@ mod stop_trial;
 mod trajectory;
 
 pub use drift_trial::{DriftCase, DriftErrors, DriftPoint, DriftTrial, DriftVariant};
-pub use drive::{Body, Drive, Leg, Wave};
+pub use drive::{Body, BodyRocking, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};
 pub use imu::{ImuErrorModel, ImuModel, ImuOutput};
+pub use navigation_drive::NavigationDrive;
 pub use noise::{GaussMarkov, Source, Stream};
 pub use rocking::{BodyTurn, Rocking, RockingErrors, RockingTone, to_increments};
 pub use scenario::Scenario;

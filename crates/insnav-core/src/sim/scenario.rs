@@ -1,6 +1,6 @@
 //! Scenarios: a drive, an inertial unit and a receiver as plain data, and some ready ones.
 
-use super::drive::{Body, Drive, Leg, Wave};
+use super::drive::{Body, BodyRocking, Drive, Leg, Wave};
 use super::gnss::{GnssModel, Span};
 use super::imu::{ImuErrorModel, ImuModel, ImuOutput};
 use super::noise::{Source, Stream};
@@ -25,7 +25,7 @@ pub struct Scenario {
 }
 
 /// 2024-01-01T00:00:00Z: stamps of the size that real logs have.
-const START_S: f64 = 1_704_067_200.0;
+pub(super) const START_S: f64 = 1_704_067_200.0;
 /// Sensor rate of the ready scenarios, Hz.
 const IMU_RATE_HZ: f64 = 200.0;
 
@@ -55,7 +55,7 @@ impl Scenario {
     /// changed before simulating. Always the same way, of which a shorter duration is the beginning.
     pub fn car_drive(duration_s: f64) -> Self {
         let mut drive = start(70.0);
-        drive.body = car_body();
+        drive.body = Body::car();
         drive.legs = car_legs(duration_s, 60.0, &mut Source::new(0, Stream::Route));
         Scenario::automotive(duration_s, drive)
     }
@@ -118,37 +118,37 @@ fn start(heading_deg: f64) -> Drive {
     }
 }
 
-/// A passenger car: 3° of roll and 2° of pitch per g, sway of some tenths of a degree at body modes of 1 to 2.5 Hz.
-fn car_body() -> Body {
-    let wave = |amplitude_deg, frequency_hz, phase_deg| Wave {
-        amplitude_deg,
-        frequency_hz,
-        phase_deg,
-    };
-    Body {
-        tilt_deg: [0.0; 2],
-        lean_deg_per_m_per_s2: 0.3,
-        squat_deg_per_m_per_s2: 0.2,
-        roll: vec![
-            wave(0.4, 1.13, 20.0),
-            wave(0.25, 1.71, 200.0),
-            wave(0.15, 2.47, 110.0),
-        ],
-        pitch: vec![
-            wave(0.35, 1.29, 300.0),
-            wave(0.2, 1.93, 75.0),
-            wave(0.1, 2.31, 160.0),
-        ],
-        sway_speed_m_per_s: 6.0,
+impl Body {
+    /// A passenger car: 3° of roll and 2° of pitch per g, sway of some tenths of a degree at body modes of 1 to 2.5 Hz.
+    pub(super) fn car() -> Self {
+        let wave = |amplitude_deg, frequency_hz, phase_deg| Wave {
+            amplitude_deg,
+            frequency_hz,
+            phase_deg,
+        };
+        Body {
+            tilt_deg: [0.0; 2],
+            lean_deg_per_m_per_s2: 0.3,
+            squat_deg_per_m_per_s2: 0.2,
+            roll: vec![
+                wave(0.4, 1.13, 20.0),
+                wave(0.25, 1.71, 200.0),
+                wave(0.15, 2.47, 110.0),
+            ],
+            pitch: vec![
+                wave(0.35, 1.29, 300.0),
+                wave(0.2, 1.93, 75.0),
+                wave(0.1, 2.31, 160.0),
+            ],
+            sway_speed_m_per_s: 6.0,
+            rocking: BodyRocking::default(),
+        }
     }
 }
 
 /// Town and fast road by turns until `duration_s` is filled.
 fn car_legs(duration_s: f64, standing_s: f64, route: &mut Source) -> Vec<Leg> {
-    let mut way = Way {
-        legs: Vec::new(),
-        length_s: 0.0,
-    };
+    let mut way = Way::default();
     way.add(standing_s, 0.0, 0.0, 0.0);
     while way.length_s < duration_s {
         let town_ends = way.length_s + between(route, 400.0, 600.0);
@@ -165,13 +165,21 @@ fn car_legs(duration_s: f64, standing_s: f64, route: &mut Source) -> Vec<Leg> {
     way.legs
 }
 
-struct Way {
-    legs: Vec<Leg>,
-    length_s: f64,
+/// A way that is made piece by piece.
+#[derive(Default)]
+pub(super) struct Way {
+    pub(super) legs: Vec<Leg>,
+    pub(super) length_s: f64,
 }
 
 impl Way {
-    fn add(&mut self, duration_s: f64, speed_m_per_s: f64, turn_deg: f64, slope_deg: f64) {
+    pub(super) fn add(
+        &mut self,
+        duration_s: f64,
+        speed_m_per_s: f64,
+        turn_deg: f64,
+        slope_deg: f64,
+    ) {
         let duration_s = hundredths(duration_s);
         self.legs.push(Leg {
             duration_s,
@@ -203,7 +211,7 @@ impl Way {
     }
 
     /// One bend of a fast road, at a new speed and slope.
-    fn bend(&mut self, route: &mut Source) {
+    pub(super) fn bend(&mut self, route: &mut Source) {
         let speed = between(route, 22.0, 34.0);
         let turn = between(route, -25.0, 25.0);
         let slope = between(route, -2.5, 2.5);
@@ -211,7 +219,7 @@ impl Way {
     }
 }
 
-fn between(route: &mut Source, low: f64, high: f64) -> f64 {
+pub(super) fn between(route: &mut Source, low: f64, high: f64) -> f64 {
     hundredths(route.between(low, high))
 }
 
