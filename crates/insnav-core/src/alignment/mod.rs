@@ -19,8 +19,8 @@ mod track;
 pub use startup::Startup;
 #[cfg(feature = "std")]
 pub use stops::{
-    AlignmentMethod, AlignmentOptions, AlignmentResult, Record, Refusal, StopReport, StopWindow,
-    Taper, align, rate_limit,
+    AlignmentMethod, AlignmentOptions, AlignmentResult, BeforeStop, FusedStop, Record, Refusal,
+    StopReport, StopWindow, Taper, align, fuse_stop, rate_limit,
 };
 
 use crate::filter::InitialSigma;

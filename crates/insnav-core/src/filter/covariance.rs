@@ -482,13 +482,13 @@ impl Covariance {
     }
 
     #[inline]
-    fn get(&self, i: usize, j: usize) -> f64 {
+    pub(super) fn get(&self, i: usize, j: usize) -> f64 {
         debug_assert!(i < CAPACITY && j < CAPACITY);
         self.p[i & (CAPACITY - 1)][j / LANE % LANES][j % LANE]
     }
 
     #[inline]
-    fn set(&mut self, i: usize, j: usize, x: f64) {
+    pub(super) fn set(&mut self, i: usize, j: usize, x: f64) {
         debug_assert!(i < CAPACITY && j < CAPACITY);
         self.p[i & (CAPACITY - 1)][j / LANE % LANES][j % LANE] = x;
     }

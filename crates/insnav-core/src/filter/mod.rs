@@ -4,6 +4,8 @@ mod columns;
 mod covariance;
 mod dynamics;
 mod eskf;
+#[cfg(feature = "std")]
+mod fused;
 mod gate;
 mod held;
 mod layout;

@@ -26,13 +26,13 @@ const LEAST_TURN: f64 = 0.017_5;
 /// Least singular value of the geometry for methods that need the positions to tell drift and azimuth apart.
 const LEAST_RATIO: f64 = 0.05;
 /// Halves of a stop that differ by more sigmas are no standing.
-const LARGEST_DISAGREEMENT: f64 = 4.0;
+pub(super) const LARGEST_DISAGREEMENT: f64 = 4.0;
 /// Rocking that is too slow for a taper is told from a drift when the stop holds three of its periods: eight over three.
 const LEAST_CYCLES: f64 = 2.7;
 /// A body whose attitude scatters by more is turned, not rocking, rad rms.
 const LARGEST_ROCKING: f64 = 0.1;
 /// The Kalman filter's normalised innovations on a quiet base: their mean over thousands stays below.
-const QUIET_NIS: f64 = 1.3;
+pub(super) const QUIET_NIS: f64 = 1.3;
 /// A heading that is told may differ from the stops' by so many sigmas.
 const LARGEST_CONTRADICTION: f64 = 5.0;
 /// The horizontal Earth rate may be off by so many sigmas.
@@ -131,6 +131,7 @@ impl Task<'_> {
             gyro_scale_sigma: self.options.gyro_scale_sigma,
             heading: self.options.heading,
             keeps_heading,
+            prior: None,
             start,
         }
     }
@@ -276,14 +277,14 @@ impl Task<'_> {
         let noise = &self.options.noise;
         let mut halves = Vec::with_capacity(fit.stops.len());
         for (i, standing) in fit.stops.iter().enumerate() {
-            let left = fit.sway.get(i).map(|_| fit.residuals[i].as_slice());
+            let left = fit.periods_s.get(i).map(|_| fit.residuals[i].as_slice());
             let apart = disagreement(standing, &fit.run, &self.place, noise, taper, left).amax();
             halves.push(apart);
             if apart > LARGEST_DISAGREEMENT {
                 let slow = fit
-                    .sway
+                    .periods_s
                     .get(i)
-                    .map(|s| s.period_s * PERIODS as f64)
+                    .map(|period| period * PERIODS as f64)
                     .filter(|need_s| (1.0..LEAST_CYCLES).contains(&(need_s / standing.length())));
                 return Err(match slow {
                     Some(need_s) if rocking_rms(standing).amax() < LARGEST_ROCKING => {
@@ -418,9 +419,9 @@ impl Task<'_> {
                     taper,
                     half_disagreement: halves[i],
                     rocking_period_s: fit
-                        .sway
+                        .periods_s
                         .get(i)
-                        .map(|s| s.period_s)
+                        .copied()
                         .filter(|period| period * PERIODS as f64 <= standing.length()),
                 }
             })
@@ -452,7 +453,7 @@ fn rocking_rms(standing: &Standing) -> Vector3<f64> {
     (squares / count).map(f64::sqrt)
 }
 
-fn velocity_rms(residuals: &[Vector3<f64>]) -> f64 {
+pub(super) fn velocity_rms(residuals: &[Vector3<f64>]) -> f64 {
     let squares: f64 = residuals.iter().map(|r| r.xy().norm_squared()).sum();
     (squares / residuals.len() as f64).sqrt()
 }

@@ -8,7 +8,7 @@
 use super::free_run::{FreeRun, INPUTS, STATES, Start, Step};
 use super::problem::Problem;
 use super::standing::{Standing, Taper};
-use super::sway::{Sway, sway};
+use super::sway::sway;
 use crate::attitude::exp;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use std::vec::Vec;
@@ -32,6 +32,14 @@ const PASSES: usize = 3;
 type Global = SVector<f64, GLOBAL>;
 type Gain = SMatrix<f64, GLOBAL, LOCAL>;
 
+/// What a fit is to tell, `R` numbers: how they follow from what is fitted, and which of the true attitude and biases at the end
+/// and at the begin they are to be.
+struct Outputs<const R: usize> {
+    by_fit: SMatrix<f64, R, GLOBAL>,
+    end: SMatrix<f64, R, GLOBAL>,
+    begin: SMatrix<f64, R, GLOBAL>,
+}
+
 /// What a joint fit gives.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Joint {
@@ -44,8 +52,8 @@ pub(super) struct Joint {
     pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
     /// What is left of velocity (north, east) and yaw in each stop.
     pub(super) residuals: Vec<Vec<Vector3<f64>>>,
-    /// Rocking of each stop, if it was to be looked at; what it does is in the covariance.
-    pub(super) sway: Vec<Sway>,
+    /// Period of the strongest rocking in each stop, s, if that was to be looked at; what it does is in the covariance.
+    pub(super) periods_s: Vec<f64>,
 }
 
 /// One linearisation.
@@ -77,38 +85,69 @@ struct StopNormal {
 impl Joint {
     /// With `rocking`, what the residuals' spectrum does to the fit is added to the covariance of the unit's noise.
     pub(super) fn fit(problem: &Problem<'_>, taper: Taper, rocking: bool) -> Option<Self> {
+        let (start, pass) = Pass::last(problem, taper)?;
+        let told = pass.at_end();
+        Some(pass.told(problem, &start, &told, rocking).0)
+    }
+
+    /// The same with the covariance of attitude and biases at the begin of the first stop and at the end of the last together.
+    pub(super) fn fit_between(
+        problem: &Problem<'_>,
+        taper: Taper,
+        rocking: bool,
+    ) -> Option<(Self, SMatrix<f64, { 2 * GLOBAL }, { 2 * GLOBAL }>)> {
+        let (start, pass) = Pass::last(problem, taper)?;
+        let told = pass.at_both();
+        Some(pass.told(problem, &start, &told, rocking))
+    }
+}
+
+impl Pass {
+    /// The last linearisation, and where it was made.
+    fn last(problem: &Problem<'_>, taper: Taper) -> Option<(Start, Self)> {
         let mut start = problem.start;
         for _ in 0..PASSES - 1 {
             let pass = Pass::new(problem, &start, taper)?;
             start = pass.moved(&start);
         }
         let pass = Pass::new(problem, &start, taper)?;
-        let mut covariance = pass.covariance(problem);
-        let residuals = pass.residuals();
-        let mut sways = Vec::new();
+        Some((start, pass))
+    }
+
+    /// The fit, and the covariance of what is to be told.
+    fn told<const R: usize>(
+        self,
+        problem: &Problem<'_>,
+        start: &Start,
+        told: &Outputs<R>,
+        rocking: bool,
+    ) -> (Joint, SMatrix<f64, R, R>) {
+        let mut covariance = self.covariance(problem, told);
+        let residuals = self.residuals();
+        let mut periods_s = Vec::new();
         if rocking {
-            let outputs = pass.outputs();
-            for (i, (stop, left)) in pass.stops.iter().zip(&residuals).enumerate() {
-                let gains = (0..left.len()).map(|k| outputs * pass.gain(i, k)).collect();
+            for (i, (stop, left)) in self.stops.iter().zip(&residuals).enumerate() {
+                let gains: Vec<_> = (0..left.len())
+                    .map(|k| told.by_fit * self.gain(i, k))
+                    .collect();
                 let found = sway(&stop.t, left, &gains);
                 covariance += found.covariance;
-                sways.push(found);
+                periods_s.push(found.period_s);
             }
         }
-        let start = pass.moved(&start);
+        let start = self.moved(start);
         let span = problem.whole();
-        Some(Joint {
+        let fit = Joint {
             run: FreeRun::new(problem.record, span, &problem.place, &start),
             start,
-            stops: pass.stops,
-            covariance,
+            stops: self.stops,
+            covariance: SMatrix::from_fn(|i, j| covariance[(R - GLOBAL + i, R - GLOBAL + j)]),
             residuals,
-            sway: sways,
-        })
+            periods_s,
+        };
+        (fit, covariance)
     }
-}
 
-impl Pass {
     fn new(problem: &Problem<'_>, start: &Start, taper: Taper) -> Option<Self> {
         let span = problem.whole();
         let run = FreeRun::new(problem.record, span, &problem.place, start);
@@ -151,7 +190,7 @@ impl Pass {
             next = to;
             normals.push(StopNormal::new(stop, rows, values)?);
         }
-        let weights = Weights::of(problem, &stops[0]);
+        let weights = Weights::of(problem, &stops[0])?;
         let (inverse, solution) = solve(problem, start, &stops, &normals, &weights)?;
         Some(Pass {
             weights,
@@ -201,32 +240,62 @@ impl Pass {
         self.inverse * reduced * row_weights(self.stops[i].weights[k])
     }
 
-    /// What is fitted at the begin, at the end: the attitude goes on with the biases.
-    fn outputs(&self) -> SMatrix<f64, GLOBAL, GLOBAL> {
-        let mut outputs = SMatrix::<f64, GLOBAL, GLOBAL>::identity();
-        outputs
+    /// What the fit says of attitude and biases at the end of the last stop: the attitude goes on with the biases.
+    fn at_end(&self) -> Outputs<GLOBAL> {
+        let mut by_fit = SMatrix::<f64, GLOBAL, GLOBAL>::identity();
+        by_fit
             .fixed_view_mut::<3, GLOBAL>(0, 0)
             .copy_from(&self.at_end.fixed_rows::<3>(0));
-        outputs
+        Outputs {
+            by_fit,
+            end: SMatrix::identity(),
+            begin: SMatrix::zeros(),
+        }
     }
 
-    /// Covariance of what is fitted, at the end of the last stop, by the noise that the unit is said to have.
+    /// The same at the begin of the first stop, and then at the end of the last.
+    fn at_both(&self) -> Outputs<{ 2 * GLOBAL }> {
+        let end = self.at_end();
+        let mut both = Outputs {
+            by_fit: SMatrix::zeros(),
+            end: SMatrix::zeros(),
+            begin: SMatrix::zeros(),
+        };
+        let identity = SMatrix::<f64, GLOBAL, GLOBAL>::identity();
+        for (whole, first, second) in [
+            (&mut both.by_fit, identity, end.by_fit),
+            (&mut both.end, SMatrix::zeros(), end.end),
+            (&mut both.begin, identity, SMatrix::zeros()),
+        ] {
+            whole.fixed_view_mut::<GLOBAL, GLOBAL>(0, 0).copy_from(&first);
+            whole
+                .fixed_view_mut::<GLOBAL, GLOBAL>(GLOBAL, 0)
+                .copy_from(&second);
+        }
+        both
+    }
+
+    /// Covariance of what is told, by the noise that the unit is said to have.
     ///
     /// The fit is linear in its rows, and these are linear in the noise of every node: the adjoint of the error dynamics, run
     /// backwards with the gains as its input, gives what each node's noise, the biases before any data and their drift do to
     /// the result. That holds for any weights.
-    fn covariance(&self, problem: &Problem<'_>) -> SMatrix<f64, GLOBAL, GLOBAL> {
+    fn covariance<const R: usize>(
+        &self,
+        problem: &Problem<'_>,
+        told: &Outputs<R>,
+    ) -> SMatrix<f64, R, R> {
         let noise = problem.noise;
-        let outputs = self.outputs();
-        let mut adjoint = SMatrix::<f64, GLOBAL, STATES>::zeros();
-        adjoint.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        let mut on_biases = SMatrix::<f64, GLOBAL, INPUTS>::zeros();
-        on_biases.fixed_view_mut::<6, 6>(3, 0).fill_with_identity();
-        let mut sum = SMatrix::<f64, GLOBAL, GLOBAL>::zeros();
-        let add =
-            |sum: &mut SMatrix<f64, GLOBAL, GLOBAL>,
-             columns: &SMatrix<f64, GLOBAL, 3>,
-             variance: f64| *sum += columns * columns.transpose() * variance;
+        let outputs = told.by_fit;
+        let mut adjoint = SMatrix::<f64, R, STATES>::zeros();
+        adjoint
+            .fixed_columns_mut::<3>(0)
+            .copy_from(&told.end.fixed_columns::<3>(0));
+        let mut on_biases = told.end.fixed_columns::<INPUTS>(3).into_owned();
+        let mut sum = SMatrix::<f64, R, R>::zeros();
+        let add = |sum: &mut SMatrix<f64, R, R>, columns: &SMatrix<f64, R, 3>, variance: f64| {
+            *sum += columns * columns.transpose() * variance;
+        };
         let drift = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau;
 
         for stop in &self.stops {
@@ -291,6 +360,17 @@ impl Pass {
             on_biases += adjoint * step.inputs;
             adjoint = before;
         }
+        on_biases += told.begin.fixed_columns::<INPUTS>(3);
+        if let Some(prior) = &problem.prior {
+            let mut sensitivity = SMatrix::<f64, R, GLOBAL>::zeros();
+            sensitivity.fixed_columns_mut::<3>(0).copy_from(
+                &(adjoint.fixed_columns::<3>(0) + told.begin.fixed_columns::<3>(0)),
+            );
+            sensitivity
+                .fixed_columns_mut::<INPUTS>(3)
+                .copy_from(&on_biases);
+            return sum + sensitivity * prior.covariance * sensitivity.transpose();
+        }
         let gyro = on_biases.fixed_columns::<3>(0).into_owned();
         let accel = on_biases.fixed_columns::<3>(3).into_owned();
         add(&mut sum, &gyro, noise.gyro_bias_sigma.powi(2));
@@ -343,36 +423,61 @@ impl StopNormal {
 /// What stands beside the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Weights {
-    /// Standard deviations of the biases, rad/s and m/s².
-    gyro: f64,
-    accel: f64,
+    /// Inverse covariance of what is known of the unknowns beforehand.
+    information: SMatrix<f64, GLOBAL, GLOBAL>,
     /// Where what is known beforehand counts: the rows' weights promise more than the unit's noise keeps, and everything that is
     /// weighed against them is brought to their scale. 1 elsewhere.
     scale: f64,
-    /// Whether the biases are known to be zero beforehand, or only kept from running away.
+    /// Whether that is knowledge, or only keeps the biases from running away.
     known: bool,
 }
 
 impl Weights {
-    fn of(problem: &Problem<'_>, stop: &Standing) -> Self {
-        match problem.knowledge {
-            Some([gyro, accel]) => {
+    fn of(problem: &Problem<'_>, stop: &Standing) -> Option<Self> {
+        let biases = |gyro: f64, accel: f64| {
+            let part = |sigma: f64| Vector3::repeat(sigma.powi(-2));
+            let parts = [Vector3::zeros(), part(gyro), part(accel)];
+            SMatrix::from_diagonal(&Global::from_iterator(parts.iter().flatten().copied()))
+        };
+        let noise = problem.noise;
+        Some(match (&problem.prior, problem.knowledge) {
+            (Some(prior), _) => {
                 let scale = promised(problem, stop);
                 Weights {
-                    gyro: gyro * scale,
-                    accel: accel * scale,
+                    information: inverse(&prior.covariance)? / (scale * scale),
                     scale,
                     known: true,
                 }
             }
-            None => Weights {
-                gyro: WEAK_GYRO.max(10.0 * problem.noise.gyro_bias_sigma),
-                accel: WEAK_ACCEL.max(10.0 * problem.noise.accel_bias_sigma),
+            (None, Some([gyro, accel])) => {
+                let scale = promised(problem, stop);
+                Weights {
+                    information: biases(gyro * scale, accel * scale),
+                    scale,
+                    known: true,
+                }
+            }
+            (None, None) => Weights {
+                information: biases(
+                    WEAK_GYRO.max(10.0 * noise.gyro_bias_sigma),
+                    WEAK_ACCEL.max(10.0 * noise.accel_bias_sigma),
+                ),
                 scale: 1.0,
                 known: false,
             },
-        }
+        })
     }
+}
+
+/// Of a positive definite matrix whose unknowns differ by eight orders of magnitude: the diagonal is brought to one before it is
+/// factorised.
+pub(super) fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
+    let scale = SVector::<f64, N>::from_fn(|i, _| matrix[(i, i)].sqrt().recip());
+    let scaled = SMatrix::<f64, N, N>::from_fn(|i, j| matrix[(i, j)] * scale[i] * scale[j]);
+    let inverse = scaled.cholesky()?.inverse();
+    Some(SMatrix::from_fn(|i, j| {
+        inverse[(i, j)] * scale[i] * scale[j]
+    }))
 }
 
 /// Inverse of the global normal matrix with its priors, and the solution.
@@ -394,25 +499,15 @@ fn solve(
         matrix += row * row.transpose() * weight;
         right += row * ((stop.force_down + problem.place.gravity) * weight);
     }
-    for i in 0..3 {
-        let (gyro, accel) = (weights.gyro.powi(-2), weights.accel.powi(-2));
-        matrix[(3 + i, 3 + i)] += gyro;
-        matrix[(6 + i, 6 + i)] += accel;
-        if weights.known {
-            // Of the biases themselves, not of what this pass adds to them.
-            right[3 + i] -= start.gyro_bias[i] * gyro;
-            right[6 + i] -= start.accel_bias[i] * accel;
-        }
+    matrix += weights.information;
+    if weights.known {
+        // Of the unknowns themselves, not of what this pass adds to them.
+        right += weights.information * problem.expected(start);
     }
     if problem.keeps_heading {
         matrix[(2, 2)] += FIXED.powi(-2);
     }
-    // Unknowns differ by eight orders of magnitude: bring the diagonal to one before factorising.
-    let scale = matrix.diagonal().map(|d| d.sqrt().recip());
-    let scaled: SMatrix<f64, GLOBAL, GLOBAL> =
-        SMatrix::from_fn(|i, j| matrix[(i, j)] * scale[i] * scale[j]);
-    let inverse = scaled.cholesky()?.inverse();
-    let inverse = SMatrix::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+    let inverse = inverse(&matrix)?;
     Some((inverse, inverse * right))
 }
 

@@ -15,6 +15,8 @@ const N: usize = STATES + INPUTS + 1;
 /// not known would drown in rounding.
 const GROWN: usize = N - 1;
 const ACCEL: usize = STATES + 3;
+/// Attitude and biases among all states.
+const KEPT: [usize; GLOBAL] = [0, 1, 2, 5, 6, 7, 8, 9, 10];
 
 type Covariance = SMatrix<f64, N, N>;
 type State = SVector<f64, N>;
@@ -38,6 +40,8 @@ pub(super) struct Filtered {
     pub(super) accel_bias: Vector3<f64>,
     /// Of attitude (φ, n), gyro bias and accelerometer bias.
     pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+    /// What it says of the begin, where a filter knew something beforehand.
+    pub(super) begin: Option<Begin>,
     /// Sum of normalised innovations squared, and their number.
     pub(super) nis: f64,
     pub(super) dof: usize,
@@ -46,8 +50,35 @@ pub(super) struct Filtered {
 struct Filter {
     x: State,
     p: Covariance,
+    begin: Option<Begin>,
     nis: f64,
     dof: usize,
+}
+
+/// Attitude and biases at the begin of the first stop: constants that everything later tells something of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Begin {
+    /// What has to be added to what was expected beforehand.
+    pub(super) correction: SVector<f64, GLOBAL>,
+    pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+    /// With attitude and biases at the end of the last stop.
+    pub(super) with_end: SMatrix<f64, GLOBAL, GLOBAL>,
+    cross: SMatrix<f64, GLOBAL, N>,
+}
+
+impl Begin {
+    fn new(covariance: &SMatrix<f64, GLOBAL, GLOBAL>) -> Self {
+        let mut cross = SMatrix::<f64, GLOBAL, N>::zeros();
+        for (j, column) in KEPT.into_iter().enumerate() {
+            cross.set_column(column, &covariance.column(j));
+        }
+        Begin {
+            correction: SVector::zeros(),
+            covariance: *covariance,
+            with_end: SMatrix::zeros(),
+            cross,
+        }
+    }
 }
 
 impl Filter {
@@ -58,6 +89,12 @@ impl Filter {
         self.nis += innovation * innovation / s;
         self.dof += 1;
         let k = ph / s;
+        if let Some(begin) = &mut self.begin {
+            let seen = begin.cross * h;
+            begin.correction += seen * (innovation / s);
+            begin.covariance -= seen * seen.transpose() / s;
+            begin.cross -= seen * k.transpose();
+        }
         self.x += k * innovation;
         // Joseph's form.
         let a = Covariance::identity() - k * h.transpose();
@@ -75,6 +112,10 @@ impl Filter {
         self.x[GROWN] = 0.0;
         self.p.row_mut(GROWN).fill(0.0);
         self.p.column_mut(GROWN).fill(0.0);
+        if let Some(begin) = &mut self.begin {
+            begin.cross.fixed_columns_mut::<2>(3).fill(0.0);
+            begin.cross.column_mut(GROWN).fill(0.0);
+        }
     }
 }
 
@@ -99,6 +140,7 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
     let mut filter = Filter {
         x: State::zeros(),
         p: Covariance::zeros(),
+        begin: problem.prior.map(|prior| Begin::new(&prior.covariance)),
         nis: 0.0,
         dof: 0,
     };
@@ -114,6 +156,15 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         filter.x[2] = wrap_angle(told - Euler::from_quaternion(&start.q_nb).heading);
     }
     filter.p = Covariance::from_diagonal(&diagonal.map(|s| s * s));
+    if let Some(prior) = &problem.prior {
+        let expected = prior.seen_from(start);
+        for (i, row) in KEPT.into_iter().enumerate() {
+            filter.x[row] = expected[i];
+            for (j, column) in KEPT.into_iter().enumerate() {
+                filter.p[(row, column)] = prior.covariance[(i, j)];
+            }
+        }
+    }
 
     let mut transition = Covariance::identity();
     let drift = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau;
@@ -162,6 +213,9 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         let growth = transition.row(2) - unit(2).transpose();
         transition.set_row(GROWN, &growth);
         transition[(GROWN, GROWN)] = 1.0;
+        if let Some(begin) = &mut filter.begin {
+            begin.cross *= transition.transpose();
+        }
         filter.x = transition * filter.x;
         filter.p = transition * filter.p * transition.transpose();
         for i in 0..3 {
@@ -178,14 +232,17 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         }
     }
 
-    let kept = [0, 1, 2, 5, 6, 7, 8, 9, 10];
+    if let Some(begin) = &mut filter.begin {
+        begin.with_end = SMatrix::from_fn(|i, j| begin.cross[(i, KEPT[j])]);
+    }
     let part = |i: usize| filter.x.fixed_rows::<3>(i).into_owned();
     let end = run.q_nb[run.q_nb.len() - 1];
     Filtered {
         q_nb: UnitQuaternion::new_normalize((exp(&part(0)) * end).into_inner()),
         gyro_bias: start.gyro_bias + part(STATES),
         accel_bias: start.accel_bias + part(ACCEL),
-        covariance: SMatrix::from_fn(|i, j| filter.p[(kept[i], kept[j])]),
+        covariance: SMatrix::from_fn(|i, j| filter.p[(KEPT[i], KEPT[j])]),
+        begin: filter.begin,
         nis: filter.nis,
         dof: filter.dof,
     }

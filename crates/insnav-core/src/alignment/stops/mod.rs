@@ -7,6 +7,7 @@ mod align;
 mod coarse;
 mod fitted;
 mod free_run;
+mod fuse;
 mod geometry;
 mod gyrocompass;
 mod joint;
@@ -26,6 +27,7 @@ mod task;
 mod unfitted;
 
 pub use align::align;
+pub use fuse::{BeforeStop, FusedStop, fuse_stop};
 pub use options::{AlignmentOptions, StopWindow};
 pub use rates::rate_limit;
 pub use record::Record;

@@ -3,9 +3,10 @@
 use super::free_run::{FreeRun, Start};
 use super::place::Place;
 use super::record::{Record, Span};
+use super::joint::GLOBAL;
 use crate::attitude::log;
 use crate::imu::ImuNoise;
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 use std::vec::Vec;
 
 /// Normal gravity differs from gravity by so much, m/s² (30 mGal).
@@ -27,8 +28,27 @@ pub(super) struct Problem<'a> {
     pub(super) keeps_heading: bool,
     /// Standard deviations of the biases beforehand (rad/s, m/s²), where a regression must lean on them.
     pub(super) knowledge: Option<[f64; 2]>,
+    /// All that a filter knew at the begin of the first stop, in place of the heading and of what is known of the biases.
+    pub(super) prior: Option<Prior>,
     /// Coarse start.
     pub(super) start: Start,
+}
+
+/// An estimate of attitude and biases at an instant and its covariance (φ in n, gyro bias, accelerometer bias).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Prior {
+    pub(super) mean: Start,
+    pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+}
+
+impl Prior {
+    /// What has to be added to `start` to come to the mean.
+    pub(super) fn seen_from(&self, start: &Start) -> SVector<f64, GLOBAL> {
+        let turn = log(&(self.mean.q_nb * start.q_nb.inverse()));
+        let gyro = self.mean.gyro_bias - start.gyro_bias;
+        let accel = self.mean.accel_bias - start.accel_bias;
+        SVector::from_iterator([turn, gyro, accel].iter().flatten().copied())
+    }
 }
 
 impl Problem<'_> {
@@ -50,6 +70,17 @@ impl Problem<'_> {
         self.heading
             .filter(|_| self.keeps_heading)
             .map(|(_, sigma)| sigma)
+    }
+
+    /// What has to be added to `start` to come to what is expected beforehand; without a prior, biases of zero.
+    pub(super) fn expected(&self, start: &Start) -> SVector<f64, GLOBAL> {
+        match &self.prior {
+            Some(prior) => prior.seen_from(start),
+            None => {
+                let parts = [Vector3::zeros(), -start.gyro_bias, -start.accel_bias];
+                SVector::from_iterator(parts.iter().flatten().copied())
+            }
+        }
     }
 
     /// Rotation vector between the stop before `stop` and that stop, n, rad.

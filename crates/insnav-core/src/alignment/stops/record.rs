@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::mechanization::Increment;
 use crate::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use std::vec::Vec;
 
 /// Length of a node, s. Gyro drift acts evenly over it (1e-5 rad/s turn by 1e-6 rad), and rocking of 5 s is still smooth.
@@ -14,7 +15,7 @@ const NODE: f64 = 0.1;
 const GAP: f64 = 0.5;
 
 /// What a tenth of a second of inertial data does, in the body axes of its begin.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Node {
     /// Length, s.
     pub(super) dt: f64,
@@ -64,13 +65,26 @@ impl Node {
 }
 
 /// Inertial data of a whole record for [`super::align`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     pub(super) nodes: Vec<Node>,
     /// Begin of each node, and the end of the last.
     pub(super) times: Vec<Time>,
     /// Where data are missing: begin, and length in seconds.
     gaps: Vec<(Time, f64)>,
+    /// The node that is not complete yet.
+    open: Node,
+}
+
+impl Default for Record {
+    fn default() -> Self {
+        Record {
+            nodes: Vec::new(),
+            times: Vec::new(),
+            gaps: Vec::new(),
+            open: Node::EMPTY,
+        }
+    }
 }
 
 /// A stretch of a record by the numbers of its nodes' begins, the end included.
@@ -84,32 +98,32 @@ impl Record {
     /// From increments in the order of time (coning and sculling inside, as [`crate::mechanization::IncrementBuilder`] gives
     /// them), raw: with the unit's biases in them.
     pub fn new(increments: impl IntoIterator<Item = Increment>) -> Self {
-        let mut record = Record {
-            nodes: Vec::new(),
-            times: Vec::new(),
-            gaps: Vec::new(),
-        };
-        let mut node = Node::EMPTY;
+        let mut record = Record::default();
         for increment in increments {
-            if increment.dt <= 0.0 {
-                continue;
-            }
-            let begin = increment.time.plus(-increment.dt);
-            if record.times.is_empty() {
-                record.times.push(begin);
-            }
-            if increment.dt > GAP {
-                record.gaps.push((begin, increment.dt));
-            }
-            node.add(&increment);
-            if node.dt > NODE - 1e-6 {
-                node.rotation.renormalize();
-                record.nodes.push(node);
-                record.times.push(increment.time);
-                node = Node::EMPTY;
-            }
+            record.push(&increment);
         }
         record
+    }
+
+    /// Take one more raw increment; one without length says nothing.
+    pub(crate) fn push(&mut self, increment: &Increment) {
+        if increment.dt <= 0.0 {
+            return;
+        }
+        let begin = increment.time.plus(-increment.dt);
+        if self.times.is_empty() {
+            self.times.push(begin);
+        }
+        if increment.dt > GAP {
+            self.gaps.push((begin, increment.dt));
+        }
+        self.open.add(increment);
+        if self.open.dt > NODE - 1e-6 {
+            let mut node = core::mem::replace(&mut self.open, Node::EMPTY);
+            node.rotation.renormalize();
+            self.nodes.push(node);
+            self.times.push(increment.time);
+        }
     }
 
     /// Begin and end of the data.

@@ -1,6 +1,5 @@
 //! What rocking does to a fit: its spectrum from the fit's residuals, through the fit's own gains.
 
-use super::joint::GLOBAL;
 use nalgebra::{SMatrix, SVector, Vector3};
 use std::vec::Vec;
 
@@ -10,25 +9,27 @@ const HIGHEST: f64 = 1.0;
 /// A fit tells rocking from drift when the stop holds so many of its periods.
 pub(super) const PERIODS: usize = 8;
 
-/// Gains of what is fitted on the rows (v north, v east, yaw) of one stop.
-pub(super) type Gains = Vec<SMatrix<f64, GLOBAL, 3>>;
-
 /// Rocking of one stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sway {
-    /// What it does to the fit, as a covariance: each frequency of [`PERIODS`] periods and more with a phase of its own.
-    pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
+pub(super) struct Sway<const R: usize> {
+    /// What it does to what is told of the fit, as a covariance: each frequency of [`PERIODS`] periods and more with a phase of its own.
+    pub(super) covariance: SMatrix<f64, R, R>,
     /// Period of the strongest horizontal rocking, s.
     pub(super) period_s: f64,
 }
 
-/// From residuals at times `t` (s, evenly spaced but for jitter).
-pub(super) fn sway(t: &[f64], residuals: &[Vector3<f64>], gains: &Gains) -> Sway {
+/// From residuals at times `t` (s, evenly spaced but for jitter) and the gains of what is told on their rows (v north, v east,
+/// yaw).
+pub(super) fn sway<const R: usize>(
+    t: &[f64],
+    residuals: &[Vector3<f64>],
+    gains: &[SMatrix<f64, R, 3>],
+) -> Sway<R> {
     let length = t[t.len() - 1] - t[0];
     let spacing = length / (t.len() - 1) as f64;
     // Two samples a cycle of the highest frequency are enough, with some to spare.
     let merge = ((0.2 / HIGHEST / spacing) as usize).max(1);
-    let blocks: Vec<(f64, Vector3<f64>, SMatrix<f64, GLOBAL, 3>)> = t
+    let blocks: Vec<(f64, Vector3<f64>, SMatrix<f64, R, 3>)> = t
         .chunks(merge)
         .zip(residuals.chunks(merge))
         .zip(gains.chunks(merge))
@@ -44,12 +45,12 @@ pub(super) fn sway(t: &[f64], residuals: &[Vector3<f64>], gains: &Gains) -> Sway
         .collect();
     let power: f64 = window.iter().map(|w| w * w).sum();
     let count = blocks.len() as f64;
-    let mut covariance = SMatrix::<f64, GLOBAL, GLOBAL>::zeros();
+    let mut covariance = SMatrix::<f64, R, R>::zeros();
     let (mut strongest, mut period_s) = (0.0, length);
     for bin in 1..=(HIGHEST * length) as usize {
         let w = core::f64::consts::TAU * bin as f64 / length;
         let mut seen = [Vector3::<f64>::zeros(); 2];
-        let mut felt = [SMatrix::<f64, GLOBAL, 3>::zeros(); 2];
+        let mut felt = [SMatrix::<f64, R, 3>::zeros(); 2];
         for ((t, r, g), weight) in blocks.iter().zip(&window) {
             let (s, c) = (w * t).sin_cos();
             seen[0] += r * (c * weight);
@@ -62,7 +63,7 @@ pub(super) fn sway(t: &[f64], residuals: &[Vector3<f64>], gains: &Gains) -> Sway
             * (2.0 / (count * power));
         for channel in 0..if bin < PERIODS { 0 } else { 3 } {
             for part in &felt {
-                let column: SVector<f64, GLOBAL> = part.column(channel).into_owned();
+                let column: SVector<f64, R> = part.column(channel).into_owned();
                 covariance += column * column.transpose() * variance[channel];
             }
         }

@@ -15,9 +15,15 @@ use std::string::String;
 use std::vec::Vec;
 
 /// The shortest stop from which a rate is taken, s.
-const SHORTEST: f64 = 40.0;
+pub(super) const SHORTEST: f64 = 40.0;
+/// Windows are cut to whole nodes: a tenth of a second may be missing at each end, s.
+pub(super) const TOLERANCE: f64 = 0.25;
 /// Means of the halves of a stop that is only levelled: their sigmas are those of a class, and units differ within it.
 const LARGEST_DIFFERENCE: f64 = 6.0;
+
+/// Why a short stop does not do.
+pub(super) const BEND: &str =
+    "the Earth's rate is seen by the bend of the velocity, which grows with the square of time";
 
 pub(super) struct Task<'a> {
     pub(super) record: &'a Record,
@@ -45,13 +51,12 @@ impl Task<'_> {
     pub(super) fn require_long(&self) -> Result<()> {
         for span in &self.spans {
             let have_s = self.length(*span);
-            // Windows are cut to whole nodes: a tenth of a second may be missing at each end.
-            if have_s < SHORTEST - 0.25 {
+            if have_s < SHORTEST - TOLERANCE {
                 return Err(Refusal::StopTooShort {
                     begin_s: self.begin_s(*span),
                     have_s,
                     need_s: SHORTEST,
-                    reason: "the Earth's rate is seen by the bend of the velocity, which grows with the square of time",
+                    reason: BEND,
                 }
                 .into());
             }
