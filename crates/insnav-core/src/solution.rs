@@ -118,6 +118,14 @@ pub enum Event {
         /// What spoke for it.
         evidence: Evidence,
     },
+    /// A stop was not looked at as a whole, as batch mode asks; zero velocities have led the filter through it.
+    #[cfg(feature = "std")]
+    StopNotFused {
+        /// Begin of the stop.
+        begin: Time,
+        /// Why not.
+        refusal: crate::alignment::Refusal,
+    },
     /// A stop ended.
     StopEnded(StopRecord),
     /// Standing was declared, but it is contradicted: by the filter's own velocity when it was to begin, or later by GNSS or

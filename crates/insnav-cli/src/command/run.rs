@@ -146,7 +146,7 @@ pub(super) fn interval(text: &str) -> Result<Interval, String> {
 }
 
 /// All of `stationary.mode`, by the names of the settings.
-const STATIONARY_MODES: [&str; 7] = [
+const STATIONARY_MODES: [&str; 8] = [
     "auto",
     "off",
     "zupt",
@@ -154,6 +154,7 @@ const STATIONARY_MODES: [&str; 7] = [
     "heading_hold",
     "attitude_hold",
     "static",
+    "batch",
 ];
 
 fn stationary_mode() -> impl TypedValueParser<Value = StationaryMode> {

@@ -37,6 +37,7 @@ pub(crate) fn demo_report(d: &DemoReport) -> String {
         let from = match a.heading_source {
             HeadingSource::CourseVelocity | HeadingSource::CoursePosition => "the GNSS course",
             HeadingSource::Given => "the settings",
+            HeadingSource::Gyrocompass => "the Earth's rate",
             HeadingSource::Unknown | HeadingSource::Relative => "nowhere: it was not found",
         };
         add(

@@ -307,6 +307,7 @@ fn alignment(a: &AlignmentReport) -> String {
             a.heading_at_s
         ),
         HeadingSource::Given => "as given".into(),
+        HeadingSource::Gyrocompass => "from the Earth's rate, before the stop refines it".into(),
         HeadingSource::Unknown => "not known".into(),
         HeadingSource::Relative => {
             "by definition: the map's north is where the nose pointed".into()

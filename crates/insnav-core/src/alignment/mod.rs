@@ -39,6 +39,8 @@ pub enum HeadingSource {
     CoursePosition,
     /// Given by the user.
     Given,
+    /// The gyros, which felt the Earth turn while the body stood.
+    Gyrocompass,
     /// None: heading is unknown, its sigma that of a uniform distribution.
     Unknown,
     /// None, and none is needed: headings count from that at the start, whose sigma is zero by definition.

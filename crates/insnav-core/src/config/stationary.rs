@@ -37,6 +37,10 @@ pub enum StationaryMode {
     AttitudeHold,
     /// Constant position and attitude; the inertial unit's means are measurements of its errors.
     Static,
+    /// All inertial data of a stop at once, when it is over (\[Lobusov14\]: ZUPT-1 and ZUPT-2): for units that feel the Earth's rate
+    /// in a minute, on vehicles that rock, without GNSS. Needs `std`; without it as `zupt`. A stop under 40 s, and one
+    /// in which something else was measured, is led through by zero velocities alone.
+    Batch,
 }
 
 /// What tells a stop from motion.

@@ -32,7 +32,12 @@ impl Eskf {
     /// `velocity_sigma`, m/s, and tied to nothing.
     ///
     /// `false`, and nothing is changed, where what was known of the begin is no covariance that has an inverse.
-    pub fn pass_stop(&mut self, stop: &FusedStop, settling: &Settling, velocity_sigma: f64) -> bool {
+    pub fn pass_stop(
+        &mut self,
+        stop: &FusedStop,
+        settling: &Settling,
+        velocity_sigma: f64,
+    ) -> bool {
         let before = self.before_stop();
         let rows = self.own_rows();
         // Unknowns differ by eight orders of magnitude.
@@ -48,9 +53,8 @@ impl Eskf {
 
         let mut gain = [[0.0; OWN]; CAPACITY];
         for (i, gain) in gain.iter_mut().enumerate().take(n) {
-            let own = SMatrix::<f64, OWN, 1>::from_fn(|j, _| {
-                self.covariance.get(i, rows[j]) * scale[j]
-            });
+            let own =
+                SMatrix::<f64, OWN, 1>::from_fn(|j, _| self.covariance.get(i, rows[j]) * scale[j]);
             let solved = factor.solve(&own);
             for j in 0..OWN {
                 gain[j] = solved[j] * scale[j];

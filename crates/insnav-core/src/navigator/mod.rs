@@ -3,6 +3,8 @@
 // Without `std` there is one stage only.
 #![cfg_attr(not(feature = "std"), allow(irrefutable_let_patterns))]
 
+#[cfg(feature = "std")]
+mod batch;
 mod horizon;
 mod optional_states;
 mod resting;
@@ -476,6 +478,7 @@ impl Navigator {
             self.standing.catch_up(filter);
             let outcome = match &aid {
                 Sample::GnssPosition(fix) => {
+                    self.standing.disturb();
                     let heard = self.speed.heard_at(fix.time);
                     self.position.observe(fix, heard, filter)
                 }
@@ -489,7 +492,10 @@ impl Navigator {
                     }
                     self.velocity.observe(fix, filter)
                 }
-                Sample::Heading(fix) => self.heading.observe(fix, filter),
+                Sample::Heading(fix) => {
+                    self.standing.disturb();
+                    self.heading.observe(fix, filter)
+                }
                 Sample::Imu(_)
                 | Sample::ImuIncrement(_)
                 | Sample::Standstill(_)

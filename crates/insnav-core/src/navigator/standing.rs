@@ -1,5 +1,7 @@
 //! What the filter makes of a stop: the way in, what it is told meanwhile, the way out, and the record of it.
 
+#[cfg(feature = "std")]
+use super::batch::{Batch, Outcome};
 use super::resting::Resting;
 use crate::attitude::{Euler, wrap_angle};
 use crate::config::{StationaryConfig, StationaryMode};
@@ -39,6 +41,8 @@ const UNKNOWN_HEADING: f64 = 0.5;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Standing {
     config: StationaryConfig,
+    #[cfg(feature = "std")]
+    noise: ImuNoise,
     zero_velocity: ZeroVelocityAid,
     zero_heading_rate: ZeroHeadingRateAid,
     held: HeldAid,
@@ -75,6 +79,9 @@ struct Stop {
     turned: Misfit,
     /// What rounding may do to the bias learnt meanwhile, rad/s.
     rounding: Vector3<f64>,
+    /// In batch mode, what is looked at in the end.
+    #[cfg(feature = "std")]
+    batch: Option<Batch>,
 }
 
 /// NIS of late of what is told while standing.
@@ -89,6 +96,8 @@ impl Standing {
     pub(super) fn new(config: &StationaryConfig, noise: &ImuNoise) -> Self {
         Standing {
             config: *config,
+            #[cfg(feature = "std")]
+            noise: *noise,
             zero_velocity: ZeroVelocityAid::new(config),
             zero_heading_rate: ZeroHeadingRateAid::new(config),
             held: HeldAid::new(config),
@@ -222,7 +231,11 @@ impl Standing {
             misfit: Misfit::default(),
             turned: Misfit::default(),
             rounding: Vector3::zeros(),
+            #[cfg(feature = "std")]
+            batch: None,
         });
+        #[cfg(feature = "std")]
+        let outcome = outcome.and(self.open_batch(filter, sink));
         outcome
     }
 
@@ -230,7 +243,10 @@ impl Standing {
     fn enter(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> (StationaryMode, Result<()>) {
         let mode = self.mode_now(filter);
         let outcome = match mode {
-            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => Ok(()),
+            StationaryMode::Off
+            | StationaryMode::Zupt
+            | StationaryMode::Zihr
+            | StationaryMode::Batch => Ok(()),
             StationaryMode::HeadingHold => filter.hold_heading(self.config.bookkeeping),
             StationaryMode::AttitudeHold => filter.hold_attitude(),
             StationaryMode::Auto | StationaryMode::Static => told(self.resting.enter(filter), sink),
@@ -267,7 +283,12 @@ impl Standing {
             (stop.mode, outcome) = self.enter(filter, sink);
             stop.record.mode = stop.mode;
         }
+        let anew = stop.record.mode == StationaryMode::Batch;
         self.stop = Some(stop);
+        #[cfg(feature = "std")]
+        if anew {
+            outcome = outcome.and(self.open_batch(filter, sink));
+        }
         outcome
     }
 
@@ -287,6 +308,10 @@ impl Standing {
             return Ok(());
         }
         stop.elapsed += raw.dt;
+        #[cfg(feature = "std")]
+        if let Some(batch) = &mut stop.batch {
+            batch.keep(raw);
+        }
         // What measurements from outside have done since.
         stop.book_updates(filter);
         match stop.mode {
@@ -295,7 +320,8 @@ impl Standing {
             StationaryMode::Zupt
             | StationaryMode::Zihr
             | StationaryMode::HeadingHold
-            | StationaryMode::AttitudeHold => {
+            | StationaryMode::AttitudeHold
+            | StationaryMode::Batch => {
                 filter.propagate_standing(raw, self.config.force);
             }
         }
@@ -305,6 +331,11 @@ impl Standing {
             outcome = told(self.zero_heading_rate.observe(raw.dt, filter), sink);
         }
         stop.ledger.grown(heading(filter));
+        #[cfg(feature = "std")]
+        if stop.batch.as_ref().is_some_and(Batch::is_full) {
+            outcome = outcome.and(self.fuse(filter, sink));
+            outcome = outcome.and(self.open_batch(filter, sink));
+        }
         outcome
     }
 
@@ -404,6 +435,47 @@ impl Standing {
         self.contradict(nis, v.norm(), filter, sink)
     }
 
+    /// A measurement of something else than standing is about to be used.
+    pub(super) fn disturb(&mut self) {
+        #[cfg(feature = "std")]
+        if let Some(batch) = self.stop.as_mut().and_then(|stop| stop.batch.as_mut()) {
+            batch.disturb();
+        }
+    }
+
+    /// Begin to keep what is looked at in the end, in batch mode.
+    #[cfg(feature = "std")]
+    fn open_batch(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        let Some(stop) = &mut self.stop else {
+            return Ok(());
+        };
+        if stop.mode == StationaryMode::Batch {
+            stop.batch = Some(Batch::enter(&self.config, &self.noise, filter, sink)?);
+        }
+        Ok(())
+    }
+
+    /// Look at what was kept, in batch mode: a stop that does not bear it has been one of zero velocities.
+    #[cfg(feature = "std")]
+    fn fuse(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        let Some(stop) = &mut self.stop else {
+            return Ok(());
+        };
+        let Some(batch) = stop.batch.take() else {
+            return Ok(());
+        };
+        stop.book_updates(filter);
+        let outcome = batch.fuse(filter)?;
+        if !matches!(outcome, Outcome::Fused) {
+            stop.record.mode = StationaryMode::Zupt;
+        }
+        if let Outcome::Refused(refusal) = outcome {
+            let begin = stop.record.begin;
+            sink.event(&Event::StopNotFused { begin, refusal });
+        }
+        Ok(())
+    }
+
     /// What was measured says that the body does not stand, but may move at this speed, m/s.
     fn contradict(
         &mut self,
@@ -433,11 +505,19 @@ impl Standing {
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
+        #[cfg(feature = "std")]
+        let fused = if ended_by == StopEnd::Contradicted {
+            Ok(())
+        } else {
+            self.fuse(filter, sink)
+        };
+        #[cfg(not(feature = "std"))]
+        let fused = Ok(());
         let Some(mut stop) = self.stop.take() else {
-            return Ok(());
+            return fused;
         };
         stop.book_updates(filter);
-        let outcome = match stop.mode {
+        let outcome = fused.and(match stop.mode {
             StationaryMode::Auto | StationaryMode::Static => {
                 let outcome = self.resting.leave(filter, sink);
                 if self.resting.took_back() {
@@ -454,8 +534,11 @@ impl Standing {
                 filter.release_attitude();
                 Ok(())
             }
-            StationaryMode::Off | StationaryMode::Zupt | StationaryMode::Zihr => Ok(()),
-        };
+            StationaryMode::Off
+            | StationaryMode::Zupt
+            | StationaryMode::Zihr
+            | StationaryMode::Batch => Ok(()),
+        });
         if !self.stances
             && matches!(
                 stop.mode,

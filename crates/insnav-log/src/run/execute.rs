@@ -350,6 +350,21 @@ fn findings<S: SolutionSink>(
             "check the driver",
         );
     }
+    if e.not_fused > 0 {
+        warn(
+            "stop_not_fused",
+            format!(
+                "{} not looked at as a whole, as `stationary.mode` asks, but led through by zero velocities; the first, at {:.1} s: {}",
+                match e.not_fused {
+                    1 => "1 stop was".to_owned(),
+                    n => format!("{n} stops were"),
+                },
+                e.first_not_fused_s,
+                tally.totals.first_not_fused
+            ),
+            "the sigmas are those of zero velocities there: stand for longer where it matters",
+        );
+    }
     if e.flaps > 0 {
         warn(
             "stop_topic_flaps",

@@ -70,8 +70,16 @@ pub(super) fn check_window(config: &Config, span: f64) -> Result<(), RunError> {
     }
 }
 
-/// A mode that takes the heading of a stop for constant, on a foot: a foot turns within a stance.
+/// A mode that does not do for what carries the unit or for what the run uses: one that takes the heading of a stop for constant
+/// on a foot, which turns within a stance; one that looks at a stop as a whole where fixes come in between.
 pub(super) fn check_mode(config: &Config) -> Option<Warning> {
+    if config.stationary.mode == StationaryMode::Batch && config.gnss.used {
+        return Some(Warning {
+            code: "batch_with_gnss",
+            message: "stationary.mode batch goes back to the begin of a stop when it is over, which would lose the fixes of the stop: those in which fixes came are led through by zero velocities".into(),
+            remedy: "leave the mode out, or run without GNSS (`--imu-only`)".into(),
+        });
+    }
     let name = match config.stationary.mode {
         StationaryMode::Static => "static",
         StationaryMode::Zihr => "zihr",

@@ -77,6 +77,9 @@ pub(super) struct EventCounts {
     pub(super) first_not_finite_s: f64,
     pub(super) flaps: usize,
     pub(super) first_flap_s: f64,
+    /// Stops that batch mode did not look at as a whole.
+    pub(super) not_fused: usize,
+    pub(super) first_not_fused_s: f64,
     pub(super) contradicted: usize,
     pub(super) first_contradicted_s: f64,
 }
@@ -104,6 +107,8 @@ pub(super) struct Totals {
     pub(super) events: EventCounts,
     /// What the first sample was that is not finite.
     pub(super) first_not_finite: String,
+    /// Why the first stop that was to be looked at as a whole was not.
+    pub(super) first_not_fused: String,
     pub(super) resets: Vec<ResetReport>,
     pub(super) unusable: Unusable,
     pub(super) imu_samples: usize,
@@ -287,6 +292,13 @@ impl<S: Sink> Sink for Tally<'_, S> {
                 &totals.slow,
                 self.origin,
             ),
+            Event::StopNotFused { begin, refusal } => {
+                if totals.events.not_fused == 0 {
+                    totals.events.first_not_fused_s = begin.since(self.origin);
+                    totals.first_not_fused = refusal.to_string();
+                }
+                totals.events.not_fused += 1;
+            }
             Event::StandstillFlaps { time } => {
                 let counts = &mut totals.events;
                 if counts.flaps == 0 {

@@ -1,8 +1,9 @@
 //! A start at rest, without GNSS: levelled, with the gyros' bias from what rest shows, and a heading by definition if nobody tells it.
 
+use super::gyrocompass::North;
 use super::{GIVEN_SIGMA, Startup};
 use crate::alignment::levelling::from_force;
-use crate::alignment::rest::rest_at_begin;
+use crate::alignment::rest::{Rest, rest_at_begin};
 use crate::alignment::track::inertial;
 use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{EARTH_RATE, Geodetic, earth_rate_n};
@@ -10,6 +11,7 @@ use crate::filter::InitialSigma;
 use crate::imu::{ImuErrors, STANDARD_GRAVITY};
 use crate::mechanization::NavState;
 use crate::sample::Sample;
+use crate::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Velocity of a body at rest that no piece of [`rest_at_begin`] shows, m/s.
@@ -19,7 +21,8 @@ impl Startup {
     /// A start at rest at `place`, once motion has begun or there has been enough of it; with `hurry`, with what there is.
     ///
     /// The position's sigma is zero, since positions count from there. So is the heading's where nobody tells it: headings then
-    /// count from it, and the Earth's horizontal rate, whose direction is not known, is left in the gyro bias.
+    /// count from it, and the Earth's horizontal rate, whose direction is not known, is left in the gyro bias. Gyros that feel that
+    /// rate find north themselves.
     pub(super) fn at_rest(&mut self, place: Geodetic, hurry: bool) -> Option<Alignment> {
         self.sort();
         let imu = inertial(&self.samples);
@@ -38,7 +41,13 @@ impl Startup {
         });
         let (heading, heading_sigma, heading_source) = match given.or(told) {
             Some((heading, sigma)) => (heading, sigma, HeadingSource::Given),
-            None => (0.0, 0.0, HeadingSource::Relative),
+            None => {
+                let north = self.place_is_told.then(|| self.north(&place, &rest));
+                if let Some(north) = north.flatten() {
+                    return Some(self.from_north(&north, begin, place, &rest));
+                }
+                (0.0, 0.0, HeadingSource::Relative)
+            }
         };
         let q_nb =
             UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * from_force(&rest.force_b);
@@ -80,5 +89,30 @@ impl Startup {
             rates_doubtful_until: rest.doubtful_until,
             reversing: false,
         })
+    }
+
+    /// With north from the gyros. Their biases are left at zero: what rest shows of them is told to the filter with the heading.
+    fn from_north(&self, north: &North, begin: Time, place: Geodetic, rest: &Rest) -> Alignment {
+        Alignment {
+            nav: NavState {
+                time: begin,
+                position: place,
+                velocity_n: Vector3::zeros(),
+                q_nb: north.q_nb,
+            },
+            imu_errors: ImuErrors::default(),
+            sigma: InitialSigma {
+                position: Vector3::zeros(),
+                velocity: Vector3::repeat(REST_VELOCITY),
+                attitude: north.sigma,
+                gyro_bias: Vector3::repeat(self.noise.gyro_bias_sigma),
+                accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
+            },
+            standing_s: rest.span,
+            heading_source: HeadingSource::Gyrocompass,
+            heading_at: begin,
+            rates_doubtful_until: None,
+            reversing: false,
+        }
     }
 }

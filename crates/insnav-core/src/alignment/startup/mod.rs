@@ -2,11 +2,12 @@
 
 mod assemble;
 mod at_rest;
+mod gyrocompass;
 mod heading;
 
 use super::{Alignment, HeadingSource, course};
 use crate::attitude::Euler;
-use crate::config::{AlignmentConfig, Config, VehicleKind};
+use crate::config::{AlignmentConfig, Config, StationaryMode, VehicleKind};
 use crate::earth::Geodetic;
 use crate::error::{Error, Result};
 use crate::imu::ImuNoise;
@@ -39,6 +40,10 @@ pub struct Startup {
     lever_arm_b: Vector3<f64>,
     /// Where the run begins, when no GNSS is to tell.
     place: Option<Geodetic>,
+    /// Whether that latitude is one that somebody told.
+    place_is_told: bool,
+    /// Whether the filter will be told that the body stands.
+    stops_are_used: bool,
     samples: Vec<Sample>,
     first_inertial: Option<Time>,
     positions: Vec<GnssPosition>,
@@ -71,6 +76,8 @@ impl Startup {
             noise,
             lever_arm_b: Vector3::from(config.gnss.lever_arm_b_m.unwrap_or_default()),
             place: config.place_without_gnss().map(|(place, _)| place),
+            place_is_told: config.place_without_gnss().is_some_and(|(_, told)| told),
+            stops_are_used: config.stationary.mode != StationaryMode::Off,
             samples: Vec::new(),
             first_inertial: None,
             positions: Vec::new(),

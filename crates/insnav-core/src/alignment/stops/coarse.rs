@@ -8,6 +8,7 @@ use super::free_run::Start;
 use super::place::Place;
 use super::record::{Record, Span};
 use crate::attitude::exp;
+use crate::earth::Geodetic;
 use nalgebra::{Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vector3, Vector4};
 use std::vec::Vec;
 
@@ -38,6 +39,15 @@ pub(super) fn inertial_frame(record: &Record, span: Span, place: &Place) -> Star
         k += correlate(&e, &b);
     }
     start(rotation(&k))
+}
+
+/// Attitude at the begin of a record in which the body stands; `None` for less than half a second.
+pub(crate) fn coarse_attitude(record: &Record, position: &Geodetic) -> Option<UnitQuaternion<f64>> {
+    let span = Span {
+        begin: 0,
+        end: record.nodes.len(),
+    };
+    (span.end >= 5).then(|| inertial_frame(record, span, &Place::new(position)).q_nb)
 }
 
 /// Attitude from mean rate and mean force alone: gravity gives the level, the horizontal rate gives north.

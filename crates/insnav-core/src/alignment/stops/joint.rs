@@ -267,7 +267,9 @@ impl Pass {
             (&mut both.end, SMatrix::zeros(), end.end),
             (&mut both.begin, identity, SMatrix::zeros()),
         ] {
-            whole.fixed_view_mut::<GLOBAL, GLOBAL>(0, 0).copy_from(&first);
+            whole
+                .fixed_view_mut::<GLOBAL, GLOBAL>(0, 0)
+                .copy_from(&first);
             whole
                 .fixed_view_mut::<GLOBAL, GLOBAL>(GLOBAL, 0)
                 .copy_from(&second);
@@ -363,9 +365,9 @@ impl Pass {
         on_biases += told.begin.fixed_columns::<INPUTS>(3);
         if let Some(prior) = &problem.prior {
             let mut sensitivity = SMatrix::<f64, R, GLOBAL>::zeros();
-            sensitivity.fixed_columns_mut::<3>(0).copy_from(
-                &(adjoint.fixed_columns::<3>(0) + told.begin.fixed_columns::<3>(0)),
-            );
+            sensitivity
+                .fixed_columns_mut::<3>(0)
+                .copy_from(&(adjoint.fixed_columns::<3>(0) + told.begin.fixed_columns::<3>(0)));
             sensitivity
                 .fixed_columns_mut::<INPUTS>(3)
                 .copy_from(&on_biases);

@@ -27,6 +27,7 @@ mod task;
 mod unfitted;
 
 pub use align::align;
+pub(crate) use coarse::coarse_attitude;
 pub use fuse::{BeforeStop, FusedStop, fuse_stop};
 pub use options::{AlignmentOptions, StopWindow};
 pub use rates::rate_limit;

@@ -1,9 +1,9 @@
 //! What every batch method is given: the record, the stops, the place and the unit.
 
 use super::free_run::{FreeRun, Start};
+use super::joint::GLOBAL;
 use super::place::Place;
 use super::record::{Record, Span};
-use super::joint::GLOBAL;
 use crate::attitude::log;
 use crate::imu::ImuNoise;
 use nalgebra::{SMatrix, SVector, Vector3};

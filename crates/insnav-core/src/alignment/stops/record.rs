@@ -1,7 +1,7 @@
 //! A record as the batch methods read it: increments summed up over nodes of a tenth of a second.
 
 use super::Refusal;
-use crate::attitude::{exp, left_jacobian, skew};
+use crate::attitude::{exp, left_jacobian, log, skew};
 use crate::error::Result;
 use crate::mechanization::Increment;
 use crate::time::Time;
@@ -124,6 +124,22 @@ impl Record {
             self.nodes.push(node);
             self.times.push(increment.time);
         }
+    }
+
+    /// What has come after the last complete node, as one increment.
+    pub(crate) fn rest(&self) -> Option<Increment> {
+        let begin = self.times.last()?;
+        let Node {
+            dt, rotation, gain, ..
+        } = self.open;
+        let rotation_b = log(&rotation);
+        (dt > 0.0).then(|| Increment {
+            time: begin.plus(dt),
+            dt,
+            rotation_b,
+            // Less than a tenth of a second turns by too little for more terms.
+            velocity_b: gain - rotation_b.cross(&gain) * 0.5,
+        })
     }
 
     /// Begin and end of the data.

@@ -1,0 +1,66 @@
+//! North at the start, where the gyros feel the Earth turn.
+
+use super::Startup;
+use crate::alignment::rest::Rest;
+use crate::alignment::stops::{Record, coarse_attitude, rate_limit};
+use crate::earth::{Geodetic, LocalEarth};
+use crate::mechanization::IncrementBuilder;
+use crate::sample::Sample;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Less rest does not show the Earth's rate through people who move about, s.
+const LEAST_REST: f64 = 30.0;
+/// North is looked for where the gyros' biases and what rest shows of the rates leave less than this, rad (5°).
+const LARGEST_SIGMA: f64 = 0.087;
+/// Standard deviations of the coarse start, rad, independent of the biases: tilt (0.1°) and heading (10°). Rocking moves it, and
+/// the same rest tells the filter of attitude and biases together, in a linear range, when it has begun; a prior that claimed what
+/// rest says already would count that twice. Where the filter is not told of stops, the heading's is what rest shows.
+const TILT_SIGMA: f64 = 1.7e-3;
+const HEADING_SIGMA: f64 = 0.17;
+
+/// Attitude at the first sample, and its standard deviations.
+pub(super) struct North {
+    pub(super) q_nb: UnitQuaternion<f64>,
+    pub(super) sigma: Vector3<f64>,
+}
+
+impl Startup {
+    /// Coarse alignment in the inertial frame from the rest that the data begin with; `None` where the unit or the rest is not
+    /// good enough. Samples are sorted.
+    pub(super) fn north(&self, place: &Geodetic, rest: &Rest) -> Option<North> {
+        if rest.span < LEAST_REST || rest.doubtful_until.is_some() {
+            return None;
+        }
+        let earth = LocalEarth::at(place);
+        let horizontal = earth.earth_rate_n().x;
+        let tan = earth.sin_latitude / earth.cos_latitude;
+        let sigma = (self.noise.gyro_bias_sigma / horizontal)
+            .hypot(rate_limit(&self.noise, earth.gravity(), rest.span) / horizontal)
+            .hypot(tan * self.noise.accel_bias_sigma / earth.gravity());
+        // Near a pole nothing is left of the horizontal rate.
+        if !(horizontal > 0.0 && sigma < LARGEST_SIGMA) {
+            return None;
+        }
+        let mut builder = IncrementBuilder::default();
+        let begin = self.samples.iter().find(|s| s.is_inertial())?.time();
+        let increments = self
+            .samples
+            .iter()
+            .take_while(|s| s.time().since(begin) <= rest.span)
+            .filter_map(|sample| match sample {
+                Sample::Imu(s) => builder.push(s),
+                Sample::ImuIncrement(s) => builder.push_increment(s),
+                _ => None,
+            });
+        let q_nb = coarse_attitude(&Record::new(increments), place)?;
+        let heading = if self.stops_are_used {
+            HEADING_SIGMA
+        } else {
+            sigma
+        };
+        Some(North {
+            q_nb,
+            sigma: Vector3::new(TILT_SIGMA, TILT_SIGMA, heading),
+        })
+    }
+}

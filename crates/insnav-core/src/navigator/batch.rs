@@ -1,0 +1,124 @@
+//! Batch mode: a stop's inertial data are looked at together when it is over, from what was known when it began.
+//!
+//! While the stop lasts, zero velocities lead the filter; what they taught is thrown away at its end. Both are made of the same
+//! data, and who uses them twice believes them twice.
+
+use crate::alignment::{Record, Refusal, fuse_stop};
+use crate::config::StationaryConfig;
+use crate::error::{Error, Result};
+use crate::filter::{Eskf, Settling};
+use crate::imu::ImuNoise;
+use crate::measurement::ZeroVelocityAid;
+use crate::mechanization::Increment;
+use crate::solution::Sink;
+use serde::{Deserialize, Serialize};
+use std::boxed::Box;
+use std::collections::VecDeque;
+
+use super::standing::told;
+
+/// The last of a stop is left out, s: who sets off rocks before anybody sees it.
+const TAIL: f64 = 1.0;
+/// A stop is looked at in pieces of this length, s: biases wander, and memory is not endless.
+const PIECE: f64 = 1800.0;
+
+/// The stop that lasts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Batch {
+    settling: Settling,
+    velocity_sigma: f64,
+    noise: ImuNoise,
+    /// The filter at the begin.
+    begin: Box<Eskf>,
+    record: Record,
+    /// What may be a begin of motion already.
+    tail: VecDeque<Increment>,
+    tail_s: f64,
+    /// Whether something else was measured meanwhile, which going back would lose.
+    disturbed: bool,
+}
+
+/// What became of it.
+pub(super) enum Outcome {
+    /// The filter is at the end of the stop, with all of it.
+    Fused,
+    /// The filter is where zero velocities led it: something else was measured as well.
+    Disturbed,
+    /// Likewise: the data do not bear it.
+    Refused(Refusal),
+}
+
+impl Batch {
+    /// Come to rest: one zero velocity, from which everything learns; from then on the data are kept.
+    pub(super) fn enter(
+        config: &StationaryConfig,
+        noise: &ImuNoise,
+        filter: &mut Eskf,
+        sink: &mut impl Sink,
+    ) -> Result<Self> {
+        let zero_velocity = ZeroVelocityAid::new(config);
+        let dt = zero_velocity.interval_for(config.velocity_sigma_m_per_s);
+        told(zero_velocity.observe(dt, filter), sink)?;
+        filter.forget_velocity(config.velocity_sigma_m_per_s);
+        Ok(Batch {
+            settling: Settling {
+                attitude: 0.0,
+                position: config.position_walk_m_per_sqrt_s,
+            },
+            velocity_sigma: config.velocity_sigma_m_per_s,
+            noise: config.noise_at_rest(noise),
+            begin: Box::new(filter.clone()),
+            record: Record::default(),
+            tail: VecDeque::new(),
+            tail_s: 0.0,
+            disturbed: false,
+        })
+    }
+
+    /// Keep one raw increment.
+    pub(super) fn keep(&mut self, raw: &Increment) {
+        self.tail.push_back(*raw);
+        self.tail_s += raw.dt;
+        while let Some(oldest) = self.tail.front()
+            && self.tail_s - oldest.dt >= TAIL
+        {
+            self.tail_s -= oldest.dt;
+            self.record.push(oldest);
+            self.tail.pop_front();
+        }
+    }
+
+    /// Something else than standing was measured.
+    pub(super) fn disturb(&mut self) {
+        self.disturbed = true;
+    }
+
+    /// Whether there is a piece to be looked at before the stop is over.
+    pub(super) fn is_full(&self) -> bool {
+        self.record
+            .range()
+            .is_some_and(|(begin, end)| end.since(begin) >= PIECE)
+    }
+
+    /// Go back to the begin, and from there to here with the whole stop.
+    pub(super) fn fuse(self, filter: &mut Eskf) -> Result<Outcome> {
+        if self.disturbed {
+            return Ok(Outcome::Disturbed);
+        }
+        let mut fused = *self.begin;
+        let stop = match fuse_stop(&self.record, &fused.before_stop(), &self.noise) {
+            Ok(stop) => stop,
+            Err(Error::Alignment(refusal)) => return Ok(Outcome::Refused(refusal)),
+            Err(error) => return Err(error),
+        };
+        if !fused.pass_stop(&stop, &self.settling, self.velocity_sigma) {
+            return Ok(Outcome::Refused(Refusal::NoData));
+        }
+        // What has not filled a node, and the tail.
+        for raw in self.record.rest().into_iter().chain(self.tail) {
+            fused.propagate(&raw);
+        }
+        *filter = fused;
+        Ok(Outcome::Fused)
+    }
+}
