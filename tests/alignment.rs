@@ -225,12 +225,16 @@ fn without_a_course_the_heading_is_declared_unknown() {
     let alignment = start(&standing.samples, &Config::default()).unwrap();
     assert_eq!(alignment.heading_source, HeadingSource::Unknown);
     assert!(alignment.sigma.attitude.z.to_degrees() > 100.0);
-    // A drive whose vehicle may move sideways gives no course either.
+    // Nor does a drive whose vehicle may move sideways give a course; its velocities tell the heading all the same.
     let mut config = Config::default();
     config.vehicle.kind = VehicleKind::Any;
     let drive = from_standstill().simulate(1).unwrap();
     let alignment = start(&drive.samples, &config).unwrap();
-    assert_eq!(alignment.heading_source, HeadingSource::Unknown);
+    assert_eq!(alignment.heading_source, HeadingSource::MovingBase);
+    assert!(
+        normalised(&alignment, &drive).z.abs() < 1.0,
+        "widened fivefold"
+    );
 }
 
 #[test]

@@ -38,6 +38,8 @@ pub(crate) fn demo_report(d: &DemoReport) -> String {
             HeadingSource::CourseVelocity | HeadingSource::CoursePosition => "the GNSS course",
             HeadingSource::Given => "the settings",
             HeadingSource::Gyrocompass => "the Earth's rate",
+            HeadingSource::Antenna => "two antennas",
+            HeadingSource::MovingBase => "the GNSS velocities",
             HeadingSource::Unknown | HeadingSource::Relative => "nowhere: it was not found",
         };
         add(

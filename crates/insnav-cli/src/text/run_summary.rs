@@ -308,6 +308,11 @@ fn alignment(a: &AlignmentReport) -> String {
         ),
         HeadingSource::Given => "as given".into(),
         HeadingSource::Gyrocompass => "from the Earth's rate, before the stop refines it".into(),
+        HeadingSource::Antenna => format!("from the antennas at {:.1} s", a.heading_at_s),
+        HeadingSource::MovingBase => format!(
+            "from GNSS velocities and specific force up to {:.1} s",
+            a.heading_at_s
+        ),
         HeadingSource::Unknown => "not known".into(),
         HeadingSource::Relative => {
             "by definition: the map's north is where the nose pointed".into()

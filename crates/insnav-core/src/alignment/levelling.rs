@@ -156,7 +156,7 @@ fn standing_pieces(
 ) -> Option<Time> {
     let first = imu.first()?.time;
     let mut reference: Option<Vector3<f64>> = None;
-    let mut end = None;
+    let (mut end, mut before) = (None, None);
     let mut rest = imu;
     while let Some(begin) = rest.first() {
         let count = rest
@@ -188,8 +188,10 @@ fn standing_pieces(
             && !told_to_move
             && !(velocities.is_empty() && scattered(positions, until));
         if !still {
-            break;
+            // Motion begins before it is seen: a vehicle that leans into its acceleration turns while it does not move yet.
+            return before.or(end);
         }
+        before = end;
         end = Some(until);
         rest = after;
     }

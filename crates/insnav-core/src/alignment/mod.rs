@@ -1,11 +1,15 @@
 //! Alignment: attitude before there is one.
 
 #[cfg(feature = "std")]
+mod antenna;
+#[cfg(feature = "std")]
 mod course;
 #[cfg(feature = "std")]
 mod first_fix;
 #[cfg(feature = "std")]
 mod levelling;
+#[cfg(feature = "std")]
+mod moving_base;
 #[cfg(feature = "std")]
 mod rest;
 #[cfg(feature = "std")]
@@ -41,6 +45,10 @@ pub enum HeadingSource {
     Given,
     /// The gyros, which felt the Earth turn while the body stood.
     Gyrocompass,
+    /// Heading of two antennas.
+    Antenna,
+    /// GNSS velocities and specific force, whichever way the vehicle looks.
+    MovingBase,
     /// None: heading is unknown, its sigma that of a uniform distribution.
     Unknown,
     /// None, and none is needed: headings count from that at the start, whose sigma is zero by definition.

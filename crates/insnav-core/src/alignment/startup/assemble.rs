@@ -1,11 +1,12 @@
 //! A start with GNSS, put together: level, heading carried back to the first sample, position and velocity there.
 
+use super::heading::{Ask, BASE_WIDENING, level_of_base, of_base, unknown};
 use super::{Startup, UNKNOWN_SIGMA};
-use crate::alignment::Alignment;
 use crate::alignment::course::{Course, Tilt};
 use crate::alignment::first_fix::{FirstFix, first_fix};
 use crate::alignment::levelling::{Level, level, level_with_velocity};
 use crate::alignment::track::{Inertial, Track, inertial};
+use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{EARTH_RATE, earth_rate_n};
 use crate::filter::InitialSigma;
 use crate::imu::ImuErrors;
@@ -19,7 +20,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 const PRIOR_WIDENING: f64 = 10.0;
 
 impl Startup {
-    pub(super) fn align(&mut self, fixes: Option<usize>) -> Option<Alignment> {
+    pub(super) fn align(&mut self, ask: Ask) -> Option<Alignment> {
         self.sort();
         let imu = inertial(&self.samples);
         let begin = imu.first()?.time;
@@ -49,10 +50,24 @@ impl Startup {
             sigma: level.tilt_sigma,
             rate_sigma,
         };
-        let course = self.heading(fixes, &track, &tilt);
-        let carried = rate_sigma * course.at.since(begin).abs();
+        let found = self.heading(ask, &track, &tilt);
+        let base = match found {
+            Some(_) => None,
+            None => self.by_moving_base(ask, &imu, &fix.position, &rough_bias, rate_sigma),
+        };
+        let course = found
+            .or(base.as_ref().map(of_base))
+            .unwrap_or_else(|| unknown(&tilt));
+        self.used_heading = (course.source == HeadingSource::Antenna).then_some(course.at);
+        let carried = match base {
+            // It is the attitude at the first sample already.
+            Some(_) => 0.0,
+            None => rate_sigma * course.at.since(begin).abs(),
+        };
         let heading_sigma = course.sigma.hypot(carried).min(UNKNOWN_SIGMA);
-        let level = if level.standing_rate.is_none() {
+        let level = if let Some(base) = base.filter(|_| level.standing_rate.is_none()) {
+            level_of_base(&base, &level)
+        } else if level.standing_rate.is_none() {
             let heading = (course.heading, heading_sigma);
             level_with_velocity(&imu, &self.velocities, heading, &level, &self.noise)
                 .unwrap_or(level)
@@ -64,6 +79,10 @@ impl Startup {
         *position = position.sup(&(scatter * 2.0));
         let gyro_bias = &mut alignment.sigma.gyro_bias;
         *gyro_bias = gyro_bias.zip_map(&rounding, f64::hypot);
+        if let Some(base) = base.filter(|_| bias.is_none()) {
+            alignment.imu_errors.gyro_bias = base.gyro_bias;
+            *gyro_bias = gyro_bias.inf(&(base.gyro_bias_sigma * BASE_WIDENING));
+        }
         Some(alignment)
     }
 

@@ -1,7 +1,7 @@
 //! A start at rest, without GNSS: levelled, with the gyros' bias from what rest shows, and a heading by definition if nobody tells it.
 
+use super::Startup;
 use super::gyrocompass::North;
-use super::{GIVEN_SIGMA, Startup};
 use crate::alignment::levelling::from_force;
 use crate::alignment::rest::{Rest, rest_at_begin};
 use crate::alignment::track::inertial;
@@ -10,7 +10,6 @@ use crate::earth::{EARTH_RATE, Geodetic, earth_rate_n};
 use crate::filter::InitialSigma;
 use crate::imu::{ImuErrors, STANDARD_GRAVITY};
 use crate::mechanization::NavState;
-use crate::sample::Sample;
 use crate::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -28,19 +27,15 @@ impl Startup {
         let imu = inertial(&self.samples);
         let begin = imu.first()?.time;
         let rest = rest_at_begin(&imu, &self.noise).filter(|rest| rest.over || hurry)?;
-        let told = self.samples.iter().find_map(|s| match s {
-            Sample::Heading(h) => Some((h.heading, h.sigma)),
-            _ => None,
-        });
-        let given = self.settings.heading_deg.map(|heading| {
-            let sigma = self.settings.heading_sigma_deg;
-            (
-                heading.to_radians(),
-                sigma.map_or(GIVEN_SIGMA, f64::to_radians),
-            )
-        });
+        let told = self
+            .headings
+            .first()
+            .map(|h| (h.heading, h.sigma, HeadingSource::Antenna));
+        let given = self
+            .given()
+            .map(|(heading, sigma)| (heading, sigma, HeadingSource::Given));
         let (heading, heading_sigma, heading_source) = match given.or(told) {
-            Some((heading, sigma)) => (heading, sigma, HeadingSource::Given),
+            Some(told) => told,
             None => {
                 let north = self.place_is_told.then(|| self.north(&place, &rest));
                 if let Some(north) = north.flatten() {
@@ -49,6 +44,9 @@ impl Startup {
                 (0.0, 0.0, HeadingSource::Relative)
             }
         };
+        if heading_source == HeadingSource::Antenna {
+            self.used_heading = self.headings.first().map(|h| h.time);
+        }
         let q_nb =
             UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * from_force(&rest.force_b);
         let mut earth_rate_n = earth_rate_n(place.latitude);

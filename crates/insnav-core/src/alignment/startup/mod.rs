@@ -5,21 +5,24 @@ mod at_rest;
 mod gyrocompass;
 mod heading;
 
-use super::{Alignment, HeadingSource, course};
+use super::{Alignment, HeadingSource, course, moving_base};
 use crate::attitude::Euler;
 use crate::config::{AlignmentConfig, Config, StationaryMode, VehicleKind};
 use crate::earth::Geodetic;
 use crate::error::{Error, Result};
 use crate::imu::ImuNoise;
-use crate::sample::{GnssPosition, GnssVelocity, Sample};
+use crate::sample::{GnssPosition, GnssVelocity, Heading, Sample};
 use crate::time::Time;
+use heading::Ask;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::vec::Vec;
 
 /// After so long without a course the run begins with an unknown heading, s.
 const PATIENCE: f64 = 3600.0;
-/// Inertial data needed for a start whose heading is given, s.
+/// Before this, a car is expected to show a course, s.
+const COURSE_PATIENCE: f64 = 120.0;
+/// Inertial data needed for a start whose heading is given or from antennas, s.
 const LEAST_DATA: f64 = 10.0;
 /// Standard deviation of a given heading without one of its own, rad (5°).
 const GIVEN_SIGMA: f64 = 0.087;
@@ -48,6 +51,14 @@ pub struct Startup {
     first_inertial: Option<Time>,
     positions: Vec<GnssPosition>,
     velocities: Vec<GnssVelocity>,
+    headings: Vec<Heading>,
+    /// The one that made the start, which is not used again.
+    used_heading: Option<Time>,
+    /// Least standard deviation of a velocity that is believed, m/s.
+    velocity_floor: f64,
+    /// How many headings, and velocities of a moving base, had been seen when they were judged last.
+    judged_headings: usize,
+    judged_base: usize,
     /// How many fixes (velocities if there are any, else positions) have been judged for a course, or seconds for rest.
     judged: usize,
 }
@@ -82,6 +93,11 @@ impl Startup {
             first_inertial: None,
             positions: Vec::new(),
             velocities: Vec::new(),
+            headings: Vec::new(),
+            used_heading: None,
+            velocity_floor: config.gnss.velocity_sigma_floor_m_per_s,
+            judged_headings: 0,
+            judged_base: 0,
             judged: 0,
         }
     }
@@ -102,13 +118,17 @@ impl Startup {
                 let first = self.first_inertial.get_or_insert(sample.time());
                 *first = sample.time().min(*first);
             }
-            Sample::Heading(_) | Sample::Standstill(_) | Sample::Speed(_) => {}
+            Sample::Heading(h) => self.headings.push(h),
+            Sample::Standstill(_) | Sample::Speed(_) => {}
         }
     }
 
-    /// Everything kept, in the order of time.
+    /// Everything kept, in the order of time, but for a heading that made the start.
     pub fn into_samples(mut self) -> Vec<Sample> {
         self.sort();
+        let used =
+            |s: &Sample| matches!(s, Sample::Heading(h) if Some(h.time) == self.used_heading);
+        self.samples.retain(|s| !used(s));
         self.samples
     }
 
@@ -116,6 +136,7 @@ impl Startup {
         self.samples.sort_by_key(|s| (s.time(), s.is_inertial()));
         self.positions.sort_by_key(|p| p.time);
         self.velocities.sort_by_key(|v| v.time);
+        self.headings.sort_by_key(|h| h.time);
     }
 
     /// A start, if the newest sample has made one possible. Cheap unless it has a chance.
@@ -132,14 +153,60 @@ impl Startup {
         self.positions.first()?;
         if self.settings.heading_deg.is_some() {
             return if waited >= LEAST_DATA {
-                self.align(None)
+                self.align(Ask::Sure)
             } else {
                 None
             };
         }
         if waited > PATIENCE {
-            return self.align(None);
+            return self.align(Ask::Anything);
         }
+        if waited >= LEAST_DATA && self.more_headings(newest) {
+            let found = self.align(Ask::Sure);
+            if found.is_some_and(|a| a.heading_source != HeadingSource::Unknown) {
+                return found;
+            }
+        }
+        let by_course = self.try_course(newest);
+        if by_course.is_some() {
+            return by_course;
+        }
+        if (self.vehicle != VehicleKind::Car || waited >= COURSE_PATIENCE)
+            && self.more_of_a_base(newest)
+        {
+            return self
+                .align(Ask::MovingBase)
+                .filter(|a| a.heading_source != HeadingSource::Unknown);
+        }
+        None
+    }
+
+    /// Whether there are new headings from antennas: two or more, and every tenth time later on.
+    fn more_headings(&mut self, newest: Time) -> bool {
+        let count = self.headings.len();
+        let more = count > 1 && count > self.judged_headings + self.judged_headings / 10;
+        if !more || self.headings[count - 1].time > newest {
+            return false;
+        }
+        self.judged_headings = count;
+        true
+    }
+
+    /// Whether velocities may tell a heading that they did not a tenth earlier.
+    fn more_of_a_base(&mut self, newest: Time) -> bool {
+        let (Some(begin), Some(last)) = (self.first_inertial, self.velocities.last()) else {
+            return false;
+        };
+        let count = self.velocities.len();
+        if last.time > newest || count <= self.judged_base + self.judged_base / 10 {
+            return false;
+        }
+        self.judged_base = count;
+        moving_base::promising(&self.velocities, begin, self.velocity_floor).is_some()
+    }
+
+    /// A start by the course, of a vehicle that moves where it looks.
+    fn try_course(&mut self, newest: Time) -> Option<Alignment> {
         if self.vehicle != VehicleKind::Car {
             return None;
         }
@@ -154,7 +221,7 @@ impl Startup {
             Fixes::Positions(all) => course::far_enough(&all[..count]).is_some(),
         };
         if promising {
-            self.align(Some(count))
+            self.align(Ask::Course(count))
                 .filter(|a| a.heading_source != HeadingSource::Unknown)
         } else {
             None
@@ -190,7 +257,7 @@ impl Startup {
                 missing: "no valid GNSS position",
             });
         }
-        self.align(None).ok_or(Error::NotStarted {
+        self.align(Ask::Anything).ok_or(Error::NotStarted {
             missing: "fewer than two inertial samples",
         })
     }

@@ -76,7 +76,7 @@ fn start(q_nb: UnitQuaternion<f64>) -> Start {
 }
 
 /// Davenport's matrix of one pair: qᵀ K q is largest where q turns `b` onto `e`; scalar first.
-fn correlate(e: &Vector3<f64>, b: &Vector3<f64>) -> Matrix4<f64> {
+pub(in crate::alignment) fn correlate(e: &Vector3<f64>, b: &Vector3<f64>) -> Matrix4<f64> {
     let m = e * b.transpose();
     let trace = m.trace();
     let z = b.cross(e);
@@ -93,7 +93,8 @@ fn correlate(e: &Vector3<f64>, b: &Vector3<f64>) -> Matrix4<f64> {
     k
 }
 
-fn rotation(k: &Matrix4<f64>) -> UnitQuaternion<f64> {
+/// The rotation that makes a sum of [`correlate`] largest.
+pub(in crate::alignment) fn rotation(k: &Matrix4<f64>) -> UnitQuaternion<f64> {
     let eigen = SymmetricEigen::new(*k);
     let largest = eigen.eigenvalues.imax();
     let v: Vector4<f64> = eigen.eigenvectors.column(largest).into_owned();

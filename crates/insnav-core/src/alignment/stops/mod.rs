@@ -28,6 +28,7 @@ mod unfitted;
 
 pub use align::align;
 pub(crate) use coarse::coarse_attitude;
+pub(super) use coarse::{correlate, rotation};
 pub use fuse::{BeforeStop, FusedStop, fuse_stop};
 pub use options::{AlignmentOptions, StopWindow};
 pub use rates::rate_limit;
