@@ -25,6 +25,7 @@ pub mod mechanization;
 #[cfg(feature = "std")]
 pub mod metrics;
 pub mod navigator;
+pub mod noise;
 #[cfg(feature = "std")]
 pub mod noise_floor;
 pub mod sample;
