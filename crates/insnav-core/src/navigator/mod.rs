@@ -14,7 +14,7 @@ pub use horizon::HORIZON_CAPACITY;
 
 #[cfg(feature = "std")]
 use crate::alignment::{Alignment, AlignmentResult, Startup};
-use crate::config::Config;
+use crate::config::{Config, VehicleKind};
 #[cfg(feature = "std")]
 use crate::earth::Geodetic;
 use crate::earth::earth_rate_n;
@@ -176,7 +176,7 @@ impl Navigator {
         let stationary = config.stationary.for_vehicle(config.vehicle.kind);
         let mut detector = StopDetector::new(&stationary, &noise);
         if !gnss.used {
-            detector.never_by_gnss();
+            detector.never_by_gnss(config.vehicle.kind == VehicleKind::Car);
         }
         // The clocks' differences push aiding back against the IMU: the horizon must be longer by as much.
         let delay = DELAY + gnss.time_offset_s.max(0.0) + gnss.velocity_lag_s.max(0.0);
@@ -467,7 +467,9 @@ impl Navigator {
         }
         let motion = self.detector.advance(filter.nominal().nav.time);
         let evidence = self.detector.evidence();
-        let followed = self.standing.follow(motion, evidence, filter, sink);
+        let followed = self
+            .standing
+            .follow(motion, evidence, self.detector.rocks(), filter, sink);
         failed = failed.or(followed.err());
         while let Some(aid) = self.horizon.pop_aiding() {
             if let Some(whole) = rest {

@@ -61,6 +61,8 @@ pub(super) struct Standing {
     turning_since: Option<Time>,
     /// Up to here nobody knows whether the gyros show their biases or a slow turn.
     doubtful_until: Option<Time>,
+    /// Whether the body rocks at its stops: constant position and attitude then do not fit.
+    rocks: bool,
     /// Whether stops are stances of a foot: they are over before the Earth has turned.
     stances: bool,
 }
@@ -110,6 +112,7 @@ impl Standing {
             heard_moving: 0,
             turning_since: None,
             doubtful_until: None,
+            rocks: false,
             stances: config.window_s.is_some_and(|window| window < LOOK_AHEAD),
         }
     }
@@ -137,11 +140,12 @@ impl Standing {
             .is_some_and(|stop| stop.mode != StationaryMode::Off)
     }
 
-    /// Follow the detector, at the begin of an interval.
+    /// Follow the detector, at the begin of an interval. `rocks`: a body that stands is not at rest.
     pub(super) fn follow(
         &mut self,
         detected: Motion,
         evidence: Evidence,
+        rocks: bool,
         filter: &mut Eskf,
         sink: &mut impl Sink,
     ) -> Result<()> {
@@ -156,6 +160,9 @@ impl Standing {
         if self.doubtful_until.is_some_and(|until| now >= until) {
             self.doubtful_until = None;
             self.enter_anew(filter, sink)?;
+        }
+        if core::mem::replace(&mut self.rocks, rocks) != rocks {
+            self.rest_or_rock(filter, sink)?;
         }
         match (detected, &self.stop) {
             (Motion::Moving, Some(_)) => {
@@ -267,8 +274,26 @@ impl Standing {
             StationaryMode::Zupt
         } else if heading_sigma(filter) > UNKNOWN_HEADING {
             StationaryMode::Static
+        } else if self.rocks && matches!(set, StationaryMode::Auto | StationaryMode::Static) {
+            StationaryMode::Zupt
         } else {
             set
+        }
+    }
+
+    /// The body has begun to rock, or has come to rest: a stop that lasts is held accordingly.
+    fn rest_or_rock(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+        let now = self.mode_now(filter);
+        let Some(stop) = &mut self.stop else {
+            return Ok(());
+        };
+        match (stop.mode, now) {
+            (StationaryMode::Static, StationaryMode::Zupt) => {
+                (stop.mode, stop.record.mode) = (now, now);
+                self.resting.leave(filter, sink)
+            }
+            (StationaryMode::Zupt, StationaryMode::Static) => self.enter_anew(filter, sink),
+            _ => Ok(()),
         }
     }
 

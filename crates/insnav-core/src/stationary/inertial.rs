@@ -5,8 +5,9 @@ use super::low_pass::LowPass;
 use super::quantile::{ONE_IN_1E3, ONE_IN_1E4, ONE_IN_1E6};
 use super::quantised::{GyroSteps, Rounding};
 use super::rest_noise::RestNoise;
+use super::rocking_level::RockingLevel;
 use super::tone::ToneWindow;
-use super::window::{Moments, Window};
+use super::window::{Moments, PARTS, Window};
 use super::{Belief, are, glrt, mag, mv};
 use crate::config::DetectorKind;
 use nalgebra::{Vector3, Vector6};
@@ -22,6 +23,9 @@ const FIRST_INTERVALS: u32 = 20;
 const RATE_MEMORY: f64 = 1.0 / 256.0;
 /// The slow mean of the rate remembers so much, s.
 const SLOW: f64 = 6.0;
+/// Beyond so much of its threshold a mean rate is a turn and no rocking, a ratio of squares: 0.28 °/s on a good unit, as much as a
+/// slow swing of 0.2 °/s on each axis leaves in a window.
+const TURNS: f64 = 50.0;
 /// A sampling rate that differs by more calls for another low-pass.
 const RATE_CHANGE: f64 = 0.1;
 
@@ -31,6 +35,8 @@ pub(super) struct Ratios {
     pub(super) specific_force: f64,
     pub(super) angular_rate: f64,
     pub(super) mean_rate: f64,
+    /// The same of the window alone with no room for rocking, where that has one.
+    pub(super) turn: f64,
     /// LPMV and LPGV themselves, for learning; NaN for other detectors.
     pub(super) variances: [f64; 2],
     /// Length of the window, s.
@@ -42,6 +48,11 @@ impl Ratios {
         [self.specific_force, self.angular_rate, self.mean_rate]
             .into_iter()
             .fold(0.0, f64::max)
+    }
+
+    /// Whether it turns beyond what rocking makes of a window's mean rate.
+    pub(super) fn turns(&self) -> bool {
+        self.turn > TURNS
     }
 }
 
@@ -83,6 +94,9 @@ pub(super) struct InertialTests {
     short: Option<Window>,
     steps: GyroSteps,
     slow: SlowMean,
+    /// What stands may rock as wheeled vehicles do; then how much it has rocked of late.
+    on_wheels: bool,
+    rocked: RockingLevel,
     /// How far LPMV and LPGV of the present stop are above those of the noise, at least 1.
     level: [f64; 2],
 }
@@ -102,8 +116,15 @@ impl InertialTests {
             short: (length >= LEAST_LONG).then(|| Window::new(SHORT)),
             steps: GyroSteps::new(noise.gyro_bias),
             slow: SlowMean::default(),
+            on_wheels: false,
+            rocked: RockingLevel::default(),
             level: [1.0; 2],
         }
+    }
+
+    /// It is a vehicle on wheels of which nobody measures the speed: what it shows at rest decides, not what the unit's noise is.
+    pub(super) fn be_on_wheels(&mut self) {
+        self.on_wheels = self.kind == DetectorKind::Composite;
     }
 
     pub(super) fn clear(&mut self) {
@@ -200,6 +221,53 @@ impl InertialTests {
         [thresholds[0].max(rocks[0]), thresholds[1].max(rocks[1])]
     }
 
+    /// Thresholds of LPMV and LPGV of a vehicle on wheels that rocks at its stop, at least: once it has stood for a while, what it has
+    /// shown.
+    pub(super) fn rocking_on_wheels(&self, thresholds: [f64; 2]) -> [f64; 2] {
+        let [force, rate] = self.leave();
+        [thresholds[0].max(force), thresholds[1].max(rate)]
+    }
+
+    /// Whether it shakes no more than such a vehicle at its stop, and does not turn.
+    pub(super) fn may_rock(&self, ratios: &Ratios) -> bool {
+        let [force, rate] = self.leave();
+        self.on_wheels
+            && ratios.variances[0] < force
+            && ratios.variances[1] < rate
+            && !ratios.turns()
+    }
+
+    /// LPMV and LPGV that a wheeled vehicle may show; zero where that does not count.
+    fn leave(&self) -> [f64; 2] {
+        let Some(low_pass) = self.low_pass.as_ref().filter(|_| self.on_wheels) else {
+            return [0.0; 2];
+        };
+        let most =
+            composite::standing_on_wheels(&self.noise, low_pass).map(|leave| leave * self.scale);
+        match self.rocked.bound() {
+            Some(bound) => [most[0].min(bound[0]), most[1].min(bound[1])],
+            None => most,
+        }
+    }
+
+    /// A window of a body that stands, or may.
+    pub(super) fn rock(&mut self, ratios: &Ratios) {
+        if self.on_wheels {
+            self.rocked.observe(ratios.span / PARTS, ratios.variances);
+        }
+    }
+
+    /// What was seen of it was motion.
+    pub(super) fn forget_rocking(&mut self) {
+        self.rocked.clear();
+    }
+
+    /// Whether a body that is taken to stand has of late shaken more than its unit's noise explains.
+    pub(super) fn rocks(&self) -> bool {
+        let fixed = self.fixed();
+        self.on_wheels && self.rocked.most().iter().any(|v| *v >= fixed)
+    }
+
     /// The test over the long window, once it is full. `thresholds` are those of LPMV and LPGV; the window's mean rate has
     /// `rocking` times the room, the slow one has not: what rocks comes back, what turns does not.
     pub(super) fn long(
@@ -213,6 +281,7 @@ impl InertialTests {
             specific_force: f64::NAN,
             angular_rate: f64::NAN,
             mean_rate: f64::NAN,
+            turn: f64::NAN,
             variances: [f64::NAN; 2],
             span: m.span,
         };
@@ -222,21 +291,35 @@ impl InertialTests {
             ratios.specific_force = ratios.variances[0] / thresholds[0];
             ratios.angular_rate = ratios.variances[1] / thresholds[1];
             let rounding = self.rounding().sigma;
-            let of = |mean: &Vector3<f64>, span: f64| {
-                composite::mean_rate(
+            // What swings within an angle leaves in a mean what falls with its length.
+            let rocks = if self.on_wheels {
+                let fixed = self.fixed();
+                composite::rate_of_rocking(ratios.variances[1], fixed, &self.noise, low_pass)
+            } else {
+                0.0
+            };
+            let of = |mean: &Vector3<f64>, span: f64, rocks: f64| {
+                let statistic = composite::mean_rate(
                     mean,
                     span,
                     &belief.rate_b,
                     &belief.rate_covariance_b,
                     &rounding,
+                    rocks,
                     &self.noise,
-                )
+                );
+                statistic / (composite::mean_rate_threshold() * self.scale)
             };
-            let mut mean_rate = of(&m.mean_rate(), m.span) / rocking;
+            let mean = m.mean_rate();
+            ratios.mean_rate = of(&mean, m.span, rocks) / rocking;
             if self.slow.span > m.span {
-                mean_rate = mean_rate.max(of(&self.slow.mean, self.slow.span));
+                let rocks = rocks * (m.span / self.slow.span).powi(2);
+                let slow = of(&self.slow.mean, self.slow.span, rocks);
+                ratios.mean_rate = ratios.mean_rate.max(slow);
             }
-            ratios.mean_rate = mean_rate / (composite::mean_rate_threshold() * self.scale);
+            if self.on_wheels {
+                ratios.turn = of(&mean, m.span, 0.0);
+            }
         } else {
             let [force, rate] = self.single(&m, belief, ONE_IN_1E3);
             (ratios.specific_force, ratios.angular_rate) = (force, rate);
@@ -253,9 +336,9 @@ impl InertialTests {
         left.unwrap_or([f64::INFINITY; 2])
     }
 
-    /// Whether the last fifth of a second fits the stop that the long window shows: ratio to the threshold. 0 before there is
-    /// anything to compare.
-    pub(super) fn short(&self, belief: &Belief) -> f64 {
+    /// Whether the last fifth of a second fits the stop that the long window shows, on a vehicle that rocks or one that does not:
+    /// ratio to the threshold. 0 before there is anything to compare.
+    pub(super) fn short(&self, belief: &Belief, rocking: bool) -> f64 {
         let Some((short, long)) = self
             .short
             .as_ref()
@@ -275,7 +358,12 @@ impl InertialTests {
         let about = (&long.mean_force(), &long.mean_rate());
         let energy = composite::variances(&short, Some(about), &self.noise, low_pass);
         let threshold = composite::energy_threshold(short.span, low_pass, ONE_IN_1E6) * self.scale;
-        (energy[0] / self.level[0]).max(energy[1] / self.level[1]) / threshold
+        let [force, rate] = match rocking {
+            true => self.leave().map(|leave| leave / 3.0),
+            false => [0.0; 2],
+        };
+        let levels = [self.level[0].max(force), self.level[1].max(rate)];
+        (energy[0] / levels[0]).max(energy[1] / levels[1]) / threshold
     }
 
     /// Remember how lively the stop is: at once when it begins, then falling within half a second (what is left of braking

@@ -15,6 +15,7 @@ pub mod mv;
 pub mod quantile;
 mod quantised;
 mod rest_noise;
+mod rocking_level;
 mod speed;
 mod stop_detector;
 mod stop_record;

@@ -46,6 +46,9 @@ pub struct Belief {
 /// Factor on the threshold of a window's mean rate that is allowed a body that stands and of which GNSS measures that it does:
 /// two and a half times the rate. Not before a stop is believed, nor to the slow mean: what rocks comes back.
 const ROCKING: f64 = 6.0;
+/// What rocks beyond the unit's noise while nobody measures the speed is looked at for so much longer, s: what is left of braking
+/// is gone then, and what does not rock is found without this leave before.
+const ROCKING_FOR: f64 = 2.0;
 /// Below this share of the speed limit GNSS measures that a body stands.
 const SURELY: f64 = 0.3;
 
@@ -55,6 +58,8 @@ struct Standing {
     since: Time,
     /// Those of LPMV and LPGV by which it was found: what was learnt then holds to the end, also without GNSS.
     thresholds: [f64; 2],
+    /// Whether it rocks, beyond the unit's noise.
+    rocking: bool,
 }
 
 /// A stretch of standing as the filter may use it.
@@ -95,6 +100,8 @@ pub struct StopDetector {
     quiet_since: Option<Time>,
     /// The same with what a confirmed speed allows.
     lenient_since: Option<Time>,
+    /// The same with what is allowed a vehicle that rocks.
+    rocking_since: Option<Time>,
     /// Since when mean rate and speed agree.
     agreed_since: Option<Time>,
     /// Since when the mean rate agrees and GNSS or wheels confirm.
@@ -131,6 +138,7 @@ impl StopDetector {
             moved_at: None,
             quiet_since: None,
             lenient_since: None,
+            rocking_since: None,
             agreed_since: None,
             confirmed_since: None,
             standing: None,
@@ -144,9 +152,13 @@ impl StopDetector {
 
     /// There is no receiver in this run: a stop is believed unless the filter's velocity contradicts it, however large its sigma.
     ///
-    /// What moves as evenly as it stands (a train, a ferry) is then taken to stand, once the filter has drifted far enough.
-    pub fn never_by_gnss(&mut self) {
+    /// What moves as evenly as it stands (a train, a ferry) is then taken to stand, once the filter has drifted far enough. Of what
+    /// is `on_wheels` it is known how much it shakes under way: what shakes less stands, however little noise the unit has.
+    pub fn never_by_gnss(&mut self, on_wheels: bool) {
         self.speed.never_by_gnss();
+        if on_wheels && self.asks_speed {
+            self.tests.be_on_wheels();
+        }
     }
 
     /// Zero of the seconds of intervals; else the first inertial stamp.
@@ -218,6 +230,12 @@ impl StopDetector {
         self.tests.rounding()
     }
 
+    /// Whether the body that stands rocks beyond its unit's noise: it is then no body at rest to a good unit, though it stays where it
+    /// is.
+    pub fn rocks(&self) -> bool {
+        self.standing.is_some_and(|standing| standing.rocking)
+    }
+
     /// Something about declared stops that is worth telling, once.
     pub fn take_notice(&mut self) -> Option<Notice> {
         self.declared.take_notice()
@@ -266,8 +284,9 @@ impl StopDetector {
             Said::NOT_ASKED
         };
         let surely = said.confirmed && said.moving.is_some_and(|m| m < SURELY);
+        let rocking = self.standing.is_some_and(|standing| standing.rocking);
         if self.standing.is_some()
-            && (said.moving.is_some_and(|m| m > 1.0) || self.tests.short(belief) > 1.0)
+            && (said.moving.is_some_and(|m| m > 1.0) || self.tests.short(belief, rocking) > 1.0)
         {
             self.end(now);
         }
@@ -286,6 +305,10 @@ impl StopDetector {
             }
             None if self.adaptive && said.moving.is_some() => self.learnt.raise(fixed),
             None => [fixed; 2],
+        };
+        let thresholds = match self.standing {
+            Some(standing) if standing.rocking => self.tests.rocking_on_wheels(thresholds),
+            _ => thresholds,
         };
         // The short window, which sees a start, has no such leave.
         let thresholds = match surely {
@@ -324,14 +347,25 @@ impl StopDetector {
         let quiet = ratios.specific_force.max(ratios.angular_rate) < 1.0
             || (self.standing.is_none() && lenient && said.measured && only_a_tone());
         if self.standing.is_some() {
-            if ratios.largest() >= 1.0 {
+            if ratios.largest() >= 1.0 || ratios.turns() {
                 self.end(now);
             } else {
                 self.tests.learn_level(ratios.variances, false);
+                self.tests.rock(&ratios);
+                if !self.tests.rocks()
+                    && let Some(standing) = &mut self.standing
+                {
+                    standing.rocking = false;
+                }
             }
             return;
         }
-        if speed >= 1.0 || !(quiet || (lenient && said.confirmed)) {
+        let may_rock = self.tests.may_rock(&ratios);
+        match may_rock {
+            true => self.tests.rock(&ratios),
+            false => self.tests.forget_rocking(),
+        }
+        if speed >= 1.0 || !(quiet || may_rock || (lenient && said.confirmed)) {
             self.tests.forget_mean();
         }
         // Speed and mean rate are means already: a single objection must not cost another window.
@@ -341,6 +375,7 @@ impl StopDetector {
         for (since, from, agrees) in [
             (&mut self.quiet_since, begin, quiet),
             (&mut self.lenient_since, begin, lenient),
+            (&mut self.rocking_since, begin, may_rock),
             (&mut self.agreed_since, now, steady && speed < 1.0),
             (&mut self.confirmed_since, now, steady && said.confirmed),
         ] {
@@ -362,7 +397,12 @@ impl StopDetector {
             let confirmed = lasted(self.confirmed_since, self.entry);
             confirmed.is_some()
         });
-        let Some(mut since) = plainly.or(leniently) else {
+        let rocking = lasted(self.rocking_since, window + ROCKING_FOR).and_then(|since| {
+            // A slow turn may pass for rocking too: the middle of the first window that did not turn.
+            let steady = |agreed: Time| since.max(agreed.plus(-0.5 * ratios.span));
+            lasted(self.agreed_since, self.entry).map(steady)
+        });
+        let Some(mut since) = plainly.or(leniently).or(rocking) else {
             return;
         };
         if let Some(fast) = said.fast_until {
@@ -370,7 +410,11 @@ impl StopDetector {
             since = since.max(fast.min(now.plus(-LOOK_AHEAD)));
         }
         self.tests.learn_level(ratios.variances, true);
-        self.standing = Some(Standing { since, thresholds });
+        self.standing = Some(Standing {
+            since,
+            thresholds,
+            rocking: plainly.or(leniently).is_none(),
+        });
         if self.stretches.is_full() {
             self.stretches.pop_front();
         }
@@ -385,6 +429,8 @@ impl StopDetector {
     fn end(&mut self, now: Time) {
         self.quiet_since = None;
         self.lenient_since = None;
+        self.rocking_since = None;
+        self.tests.forget_rocking();
         if self.standing.take().is_none() {
             return;
         }

@@ -84,7 +84,7 @@ fn spread(n: f64, square: f64, sum: &Vector3<f64>, about: &Vector3<f64>) -> f64 
 }
 
 /// A window moves on by one part in this many.
-const PARTS: f64 = 20.0;
+pub(super) const PARTS: f64 = 20.0;
 /// Room for intervals that do not divide a part.
 const CAPACITY: usize = 32;
 

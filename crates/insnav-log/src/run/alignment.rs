@@ -4,6 +4,7 @@ use super::plan::{Plan, RunOptions};
 use super::report::{StopReport, Warning};
 use super::source::Source;
 use super::standing::state_noise_at_rest;
+use super::stop_pieces::TURNED_DEG;
 use super::survey::Survey;
 use super::{RunError, oddities};
 use crate::findings;
@@ -16,11 +17,14 @@ use insnav_core::imu::{ImuGrade, STANDARD_GRAVITY};
 use insnav_core::mechanization::IncrementBuilder;
 use insnav_core::noise_floor::NoiseFloor;
 use insnav_core::sample::Sample;
+use insnav_core::stationary::StopEnd;
 use insnav_core::time::Time;
 use serde::Serialize;
 
 /// Stops that the detector proposes are cut at both ends: settling is over there, s.
 const TRIM: f64 = 3.0;
+/// No vehicle drives off and comes to rest again in so short a break, s.
+const SHORT_BREAK: f64 = 4.0;
 /// Shorter proposals say nothing of north, s.
 const LEAST_PROPOSAL: f64 = 40.0;
 /// Shorter proposals do not even level, s.
@@ -324,7 +328,7 @@ fn proposals(
         ..RunOptions::default()
     };
     let plan = Plan::make(source, &config, &options)?;
-    let found: Vec<StopReport> = plan.execute(source, &mut ())?.stops;
+    let found = one_for_one(plan.execute(source, &mut ())?.stops, heard);
     let trimmed = |stop: &StopReport| [stop.begin_s + TRIM, stop.end_s - TRIM];
     let of = |least: f64| -> Vec<[f64; 2]> {
         let long = |s: &[f64; 2]| s[1] - s[0] >= least;
@@ -354,6 +358,27 @@ fn proposals(
         });
     }
     Ok(stops)
+}
+
+/// Pieces of one stop as one: a door, or somebody who gets in, breaks what the filter holds. Where receiver or wheels speak, the run
+/// has judged that already; where nobody does, what has turned by less than half a degree and held again at once has not driven
+/// off, and the fit tests it as a whole.
+fn one_for_one(found: Vec<StopReport>, heard: bool) -> Vec<StopReport> {
+    let mut stops: Vec<StopReport> = Vec::with_capacity(found.len());
+    for next in found {
+        match stops.last_mut() {
+            Some(last)
+                if !heard
+                    && matches!(last.ended_by, StopEnd::Motion | StopEnd::Contradicted)
+                    && next.begin_s - last.end_s < SHORT_BREAK
+                    && last.turn_until_deg(&next).abs() < TURNED_DEG =>
+            {
+                last.join(&next);
+            }
+            _ => stops.push(next),
+        }
+    }
+    stops
 }
 
 /// The inertial data, stamped from the log's zero on.

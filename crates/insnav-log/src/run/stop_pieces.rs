@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 /// A voice that is silent for longer says nothing about the time between, s.
 const SILENCE: f64 = 1.0;
 /// What turns by more between two pieces has moved, degrees: a robot may turn on the spot.
-const TURNED_DEG: f64 = 0.5;
+pub(super) const TURNED_DEG: f64 = 0.5;
 /// Stretches that are kept: those since the last stop are asked for.
 const KEPT: usize = 64;
 
