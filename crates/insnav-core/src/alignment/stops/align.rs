@@ -10,10 +10,16 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-/// Nearer to the pole there is no north to find, rad.
+/// Nearer to the pole there is no north to find, rad (89°).
 const HIGHEST_LATITUDE: f64 = 1.553_343;
+/// And from there on no heading is to be told, rad (89.99°).
+const POLE: f64 = 1.570_621;
 
 /// Attitude and sensor errors from one or more stops.
+///
+/// Levelling, two vectors, coarse, gyrocompass and fine use the last stop alone, all others use every stop. A method that is asked
+/// for gives a heading as good as [`AlignmentOptions::largest_azimuth_sigma`] or none; the automatic choice levels where it
+/// expects worse, and gives what there is where only the fit shows it ([`AlignmentResult::observable`]).
 ///
 /// # Errors
 /// `Alignment` with a [`Refusal`]: windows outside the data or too short, motion inside them, holes, positions that do not tell
@@ -25,6 +31,12 @@ pub fn align(
 ) -> Result<AlignmentResult> {
     options.check()?;
     let spans = spans(record, stops)?;
+    if options.heading.is_some() && options.position.latitude.abs() > POLE {
+        return Err(Refusal::AtPole {
+            latitude_deg: options.position.latitude.to_degrees(),
+        }
+        .into());
+    }
     let place = Place::new(&options.position);
     let task = Task {
         record,
@@ -33,6 +45,13 @@ pub fn align(
         options,
     };
     task.require_gravity()?;
+    if options.method == AlignmentMethod::Fine && task.spans.len() > 1 {
+        let own = AlignmentOptions {
+            heading: task.told_at_last()?,
+            ..*options
+        };
+        return align(record, &stops[stops.len() - 1..], &own);
+    }
     if options.method == AlignmentMethod::Levelling {
         return task.levelling("asked for".to_string(), None);
     }
@@ -52,6 +71,20 @@ pub fn align(
             )
         };
         return task.levelling(reason, Some(predicted));
+    }
+    if let (Some((heading, _)), true) = (
+        options.heading,
+        matches!(
+            options.method,
+            AlignmentMethod::Coarse | AlignmentMethod::TwoVector | AlignmentMethod::Gyrocompass
+        ),
+    ) {
+        return Err(Refusal::Option {
+            key: "heading",
+            value: heading,
+            expected: "left out with a method that finds it from one stop without any: use auto, fine, joint, kalman or zupt2 with it",
+        }
+        .into());
     }
     let keeps = matches!(
         options.method,
@@ -79,13 +112,21 @@ pub fn align(
     } else {
         options.method
     };
-    match method {
+    let result = match method {
         AlignmentMethod::Coarse | AlignmentMethod::TwoVector | AlignmentMethod::Gyrocompass => {
             task.single(method)
         }
         AlignmentMethod::Paper => task.paper(),
         _ => task.fitted(method),
+    }?;
+    if !auto && options.heading.is_none() && result.azimuth_sigma > limit {
+        return Err(Refusal::LowGrade {
+            sigma_azimuth_deg: result.azimuth_sigma.to_degrees(),
+            limit_deg: limit.to_degrees(),
+        }
+        .into());
     }
+    Ok(result)
 }
 
 fn spans(record: &Record, stops: &[StopWindow]) -> Result<Vec<Span>> {

@@ -15,6 +15,16 @@ use std::vec::Vec;
 /// Attitude at the begin of a stop by the q-method, with gains over all stretches of half the stop's length: whatever
 /// velocity the IMU has at the begin of the stop falls out, and rocking is averaged over the stretches.
 pub(super) fn inertial_frame(record: &Record, span: Span, place: &Place) -> Start {
+    inertial_frame_with(record, span, place, [Vector3::zeros(); 2])
+}
+
+/// Likewise with gyro and accelerometer biases taken out, which the start then has.
+pub(super) fn inertial_frame_with(
+    record: &Record,
+    span: Span,
+    place: &Place,
+    [gyro_bias, accel_bias]: [Vector3<f64>; 2],
+) -> Start {
     let nodes = &record.nodes[span.begin..span.end];
     let mut q = UnitQuaternion::identity();
     let (mut body, mut earth) = (Vector3::zeros(), Vector3::zeros());
@@ -22,8 +32,9 @@ pub(super) fn inertial_frame(record: &Record, span: Span, place: &Place) -> Star
     let mut bodies: Vec<Vector3<f64>> = std::vec![body];
     let mut earths: Vec<Vector3<f64>> = std::vec![earth];
     for node in nodes {
-        body += q * node.gain;
-        q *= node.rotation;
+        let (rotation, gain) = node.corrected(&gyro_bias, &accel_bias);
+        body += q * gain;
+        q *= rotation;
         // The reaction to gravity in the navigation axes of the begin, at the middle of the node.
         let frame = exp(&(place.earth_n * (t + 0.5 * node.dt)));
         earth += frame * Vector3::new(0.0, 0.0, -place.gravity * node.dt);
@@ -38,7 +49,11 @@ pub(super) fn inertial_frame(record: &Record, span: Span, place: &Place) -> Star
         let e = earths[i + half] - earths[i];
         k += correlate(&e, &b);
     }
-    start(rotation(&k))
+    Start {
+        gyro_bias,
+        accel_bias,
+        ..start(rotation(&k))
+    }
 }
 
 /// Attitude at the begin of a record in which the body stands; `None` for less than half a second.

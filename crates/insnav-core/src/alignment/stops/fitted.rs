@@ -1,21 +1,20 @@
 //! Methods that fit the stops: joint regression, Kalman filter, and the paper's equations beside them.
 
-use super::coarse;
-use super::free_run::Start;
+use super::earth_rate::earth_rate;
+use super::free_run::{FreeRun, Start};
 use super::geometry::{Geometry, geometry};
-use super::joint::Joint;
+use super::joint::{Joint, MOST_PASSES, SETTLED};
 use super::kalman::{self, Filtered};
 use super::paper;
 use super::problem::Problem;
 use super::rates::rate_limit;
-use super::rates::{Rates, disagreement, rates};
+use super::rates::{Rates, disagreement, leak, rates};
 use super::standing::{Standing, Taper};
 use super::sway::PERIODS;
 use super::task::Task;
 use super::{AlignmentMethod, AlignmentResult, Refusal, StopReport};
-use crate::attitude::{Euler, exp, wrap_angle};
+use crate::attitude::{Euler, log, wrap_angle};
 use crate::error::Result;
-use core::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 use std::format;
 use std::string::{String, ToString};
@@ -35,20 +34,11 @@ const LARGEST_ROCKING: f64 = 0.1;
 pub(super) const QUIET_NIS: f64 = 1.3;
 /// A heading that is told may differ from the stops' by so many sigmas.
 const LARGEST_CONTRADICTION: f64 = 5.0;
-/// The horizontal Earth rate may be off by so many sigmas.
+/// The Earth rate may be off by so many sigmas; units of a class differ: of their bias sigma once and a half counts.
 const LARGEST_NORM: f64 = 4.0;
+const OF_A_CLASS: f64 = 1.5;
 
 impl Task<'_> {
-    /// Coarse start at the first stop's begin, turned to a heading that is kept.
-    pub(super) fn start(&self, keeps_heading: bool) -> Start {
-        let mut start = coarse::inertial_frame(self.record, self.spans[0], &self.place);
-        if let Some((heading, _)) = self.options.heading.filter(|_| keeps_heading) {
-            let turn = wrap_angle(heading - Euler::from_quaternion(&start.q_nb).heading);
-            start.q_nb = exp(&Vector3::new(0.0, 0.0, turn)) * start.q_nb;
-        }
-        start
-    }
-
     pub(super) fn require_turned(&self) -> Result<()> {
         let largest = self.turns().into_iter().fold(0.0, f64::max);
         if largest < LEAST_TURN {
@@ -98,8 +88,8 @@ impl Task<'_> {
             [] => return Err(Refusal::NoStop.into()),
         };
         // The paper gives no covariance: that of the joint regression of the same stops is what its noise would leave at best.
-        let problem = self.problem(start, keeps);
-        let fit = Joint::fit(&problem, Taper::None, false).ok_or(Refusal::NoData)?;
+        let problem = self.problem(self.near_start(keeps), keeps);
+        let fit = self.joint(&problem, Taper::None, false)?;
         let mut result = self.result(
             AlignmentMethod::Paper,
             "asked for; its covariance is that of the joint regression".to_string(),
@@ -151,6 +141,40 @@ impl Task<'_> {
         geometry(&axes)
     }
 
+    /// A joint fit that has settled.
+    fn joint(&self, problem: &Problem<'_>, taper: Taper, rocking: bool) -> Result<Joint> {
+        match Joint::fit(problem, taper, rocking) {
+            Some(fit) if fit.step_sigmas <= SETTLED => Ok(fit),
+            unsettled => Err(self
+                .turned_inside(problem)
+                .unwrap_or(Refusal::NotConverged {
+                    passes: MOST_PASSES,
+                    step_sigmas: unsettled
+                        .map(|fit| fit.step_sigmas)
+                        .filter(|step| step.is_finite())
+                        .unwrap_or(f64::INFINITY),
+                }))?,
+        }
+    }
+
+    /// Of a fit that does not settle: a stop in which the body turns.
+    fn turned_inside(&self, problem: &Problem<'_>) -> Option<Refusal> {
+        let run = FreeRun::new(self.record, problem.whole(), &self.place, &problem.start);
+        self.spans.iter().find_map(|span| {
+            let standing = Standing::new(self.record, &run, *span, Taper::None);
+            let noise = &self.options.noise;
+            let taper = Taper::None;
+            let worst = disagreement(&standing, &run, &self.place, noise, taper, None).amax();
+            let turned = rocking_rms(&standing).amax() > LARGEST_ROCKING;
+            let velocity = &run.velocity_n[run.at(span.begin)..=run.at(span.end)];
+            (turned && worst > LARGEST_DISAGREEMENT).then(|| Refusal::NotStationary {
+                begin_s: self.begin_s(*span),
+                velocity_rms_m_per_s: velocity_rms(velocity),
+                disagreement_sigma: worst,
+            })
+        })
+    }
+
     /// Kalman filter or joint regression.
     pub(super) fn fitted(&self, asked: AlignmentMethod) -> Result<AlignmentResult> {
         match asked {
@@ -166,11 +190,9 @@ impl Task<'_> {
             _ => {}
         }
         let keeps = asked == AlignmentMethod::Zupt2;
-        if keeps {
-            self.require_heading()?;
-        }
-        let problem = self.problem(self.start(keeps), keeps);
-        let plain = Joint::fit(&problem, Taper::None, false).ok_or(Refusal::NoData)?;
+        self.require_heading()?;
+        let problem = self.problem(self.near_start(keeps), keeps);
+        let plain = self.joint(&problem, Taper::None, false)?;
         let shape = geometry_of(&plain);
         if asked == AlignmentMethod::MultiPosition && shape.ratio < LEAST_RATIO {
             return Err(paper::singular(&shape));
@@ -194,7 +216,7 @@ impl Task<'_> {
             let fit = if quiet && taper == Taper::None {
                 plain
             } else {
-                Joint::fit(&problem, taper, !quiet).ok_or(Refusal::NoData)?
+                self.joint(&problem, taper, !quiet)?
             };
             self.by_joint(asked, &fit, taper, quiet, nis)?
         } else {
@@ -202,20 +224,28 @@ impl Task<'_> {
         };
         result.nis_ratio = Some(nis);
         self.require_latitude(&mut result)?;
+        // A rate that the Earth does not have makes innovations too: it is named first.
+        if !regress && nis >= QUIET_NIS {
+            return Err(Refusal::BaseRocks {
+                nis,
+                allowed: QUIET_NIS,
+            }
+            .into());
+        }
         Ok(result)
     }
 
-    /// A heading that is kept must be one that the stops can have.
+    /// A heading that is told must be one that the stops can have.
     pub(super) fn require_heading(&self) -> Result<()> {
         let Some((told, sigma)) = self.options.heading else {
             return Ok(());
         };
         let problem = Problem {
             heading: None,
-            ..self.problem(self.start(false), false)
+            ..self.problem(self.near_start(false), false)
         };
         // Tapered, with what rocking does: the check is for degrees, not for the last minute of arc.
-        let fit = Joint::fit(&problem, Taper::HannSquared, true).ok_or(Refusal::NoData)?;
+        let fit = self.joint(&problem, Taper::HannSquared, true)?;
         let found = Euler::from_quaternion(&fit.run.q_nb[0]).heading;
         let own = fit.covariance[(2, 2)].sqrt().hypot(sigma);
         let sigmas = wrap_angle(told - found).abs() / own;
@@ -277,14 +307,14 @@ impl Task<'_> {
         let noise = &self.options.noise;
         let mut halves = Vec::with_capacity(fit.stops.len());
         for (i, standing) in fit.stops.iter().enumerate() {
-            let left = fit.periods_s.get(i).map(|_| fit.residuals[i].as_slice());
+            let left = fit.sway.get(i);
             let apart = disagreement(standing, &fit.run, &self.place, noise, taper, left).amax();
             halves.push(apart);
             if apart > LARGEST_DISAGREEMENT {
                 let slow = fit
-                    .periods_s
+                    .sway
                     .get(i)
-                    .map(|period| period * PERIODS as f64)
+                    .map(|s| s.period_s * PERIODS as f64)
                     .filter(|need_s| (1.0..LEAST_CYCLES).contains(&(need_s / standing.length())));
                 return Err(match slow {
                     Some(need_s) if rocking_rms(standing).amax() < LARGEST_ROCKING => {
@@ -353,37 +383,62 @@ impl Task<'_> {
         .into()
     }
 
-    /// With two or more positions, whether the horizontal Earth rate is that of the latitude: the paper's unit norm.
+    /// Whether the Earth's rate is that of the latitude: the paper's unit norm, and the vertical rate.
     pub(super) fn require_latitude(&self, result: &mut AlignmentResult) -> Result<()> {
-        if result.stops.len() < 2 || self.options.heading.is_some() {
-            return Ok(());
-        }
-        let (first, last) = (&result.stops[0], &result.stops[result.stops.len() - 1]);
-        let axes = [first, last].map(|s| s.q_nb.to_rotation_matrix().into_inner());
-        let Ok((drift, _)) = paper::linear(
-            [&first.rate_n, &last.rate_n],
-            [&axes[0], &axes[1]],
-            &self.place,
-        ) else {
+        let options = self.options;
+        let first = result.stops[0].q_nb;
+        let turns: Vec<Vector3<f64>> = result
+            .stops
+            .iter()
+            .map(|s| log(&(s.q_nb * first.inverse())))
+            .collect();
+        let with = |bias_sigma: f64| {
+            earth_rate(
+                &result.stops,
+                &turns,
+                &self.place,
+                &options.noise,
+                bias_sigma,
+                options.gyro_scale_sigma,
+            )
+        };
+        let Some(found) = with(OF_A_CLASS * options.noise.gyro_bias_sigma) else {
             return Ok(());
         };
         let horizontal = self.place.horizontal_rate();
-        let left = first.rate_n - axes[0] * drift;
-        let residual = left.x.hypot(left.y) / horizontal - 1.0;
-        let turn = (axes[1] - axes[0]).fixed_view::<2, 2>(0, 0).norm() / 8f64.sqrt();
-        // Two rates, what the gyros wander between them, and what their scale error makes of the turn.
-        let apart = last.begin.since(first.begin);
-        let noise = &self.options.noise;
-        let wander = 2.0 * noise.gyro_bias_sigma.powi(2) / noise.gyro_bias_tau * apart;
-        let scale = self.options.gyro_scale_sigma * PI * horizontal;
-        let variance = first.sigma_rate.x.powi(2) + last.sigma_rate.x.powi(2);
-        let sigma = (variance + wander + scale * scale).sqrt() / (2.0 * turn * horizontal);
-        result.norm_residual = Some([residual, sigma]);
-        let sigmas = residual.abs() / sigma;
-        if sigmas > LARGEST_NORM && turn > 0.1 {
+        let [norm, norm_sigma] = found.horizontal;
+        let [down, down_sigma] = found.vertical;
+        if result.stops.len() > 1 {
+            result.norm_residual = Some(found.horizontal);
+        }
+        for (part, off, sigma) in [
+            ("horizontal", norm * horizontal, norm_sigma * horizontal),
+            ("vertical", down, down_sigma),
+        ] {
+            if off.abs() > LARGEST_NORM * sigma {
+                return Err(Refusal::LatitudeInconsistent {
+                    latitude_deg: options.position.latitude.to_degrees(),
+                    part,
+                    off_deg_per_hour: off.to_degrees() * 3600.0,
+                    sigmas: off.abs() / sigma,
+                }
+                .into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Levelled, the vertical rate tells a latitude with the wrong sign, if the gyros are good enough; whatever else it is off by is
+    /// the unit's.
+    pub(super) fn require_hemisphere(&self, drift_down: f64) -> Result<()> {
+        let allowed = LARGEST_NORM * OF_A_CLASS * self.options.noise.gyro_bias_sigma;
+        let mirrored = -2.0 * self.place.earth_n.z;
+        if drift_down.abs() > allowed && (drift_down - mirrored).abs() < allowed {
             return Err(Refusal::LatitudeInconsistent {
-                norm_residual: residual,
-                sigmas,
+                latitude_deg: self.options.position.latitude.to_degrees(),
+                part: "vertical",
+                off_deg_per_hour: drift_down.to_degrees() * 3600.0,
+                sigmas: LARGEST_NORM * drift_down.abs() / allowed,
             }
             .into());
         }
@@ -404,8 +459,12 @@ impl Task<'_> {
             .enumerate()
             .map(|(i, standing)| {
                 let all = (0, standing.t.len() - 1);
-                let Rates { rate_n, sigma } =
+                let Rates { rate_n, mut sigma } =
                     rates(standing, &fit.run, &self.place, noise, taper, all);
+                if let Some(spectrum) = fit.sway.get(i) {
+                    let rocks = leak(standing, spectrum, &self.place, taper, all);
+                    sigma = (sigma.component_mul(&sigma) + rocks).map(f64::sqrt);
+                }
                 let through = standing.axes_n * fit.start.gyro_bias;
                 StopReport {
                     begin: self.record.times[standing.span.begin],
@@ -419,9 +478,9 @@ impl Task<'_> {
                     taper,
                     half_disagreement: halves[i],
                     rocking_period_s: fit
-                        .periods_s
+                        .sway
                         .get(i)
-                        .copied()
+                        .map(|s| s.period_s)
                         .filter(|period| period * PERIODS as f64 <= standing.length()),
                 }
             })

@@ -128,7 +128,7 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
     }
     let taper = Taper::HannSquared;
     let (fit, covariance) = Joint::fit_between(&problem, taper, true).ok_or_else(unfit)?;
-    let disagreement_sigma = apart(&fit, taper, Some(fit.residuals[0].as_slice()));
+    let disagreement_sigma = apart(&fit, taper, fit.sway.first());
     if disagreement_sigma > LARGEST_DISAGREEMENT {
         return Err(Refusal::NotStationary {
             begin_s,

@@ -8,8 +8,8 @@
 use super::free_run::{FreeRun, INPUTS, STATES, Start, Step};
 use super::problem::Problem;
 use super::standing::{Standing, Taper};
-use super::sway::sway;
-use crate::attitude::exp;
+use super::sway::{Spectrum, sway};
+use crate::attitude::{Euler, exp, wrap_angle};
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use std::vec::Vec;
 
@@ -26,8 +26,14 @@ const WEAK_GYRO: f64 = 1e-5;
 const WEAK_ACCEL: f64 = 1e-2;
 /// A known azimuth is not fitted, rad.
 const FIXED: f64 = 1e-10;
-/// Passes: each linearises anew.
+/// Passes: each linearises anew. Three are always made, more until a step is small, and no more than eight: a start outside the
+/// linear region does not come back by more of them.
 const PASSES: usize = 3;
+pub(super) const MOST_PASSES: usize = 8;
+/// A fit has settled when its last step is so small a part of the sigmas; what is then left is its square.
+pub(super) const SETTLED: f64 = 0.05;
+/// Steps below these are rounding (rad, rad/s, m/s²).
+const ROUNDING: [f64; 3] = [1e-9, 1e-12, 1e-9];
 
 type Global = SVector<f64, GLOBAL>;
 type Gain = SMatrix<f64, GLOBAL, LOCAL>;
@@ -52,8 +58,10 @@ pub(super) struct Joint {
     pub(super) covariance: SMatrix<f64, GLOBAL, GLOBAL>,
     /// What is left of velocity (north, east) and yaw in each stop.
     pub(super) residuals: Vec<Vec<Vector3<f64>>>,
-    /// Period of the strongest rocking in each stop, s, if that was to be looked at; what it does is in the covariance.
-    pub(super) periods_s: Vec<f64>,
+    /// Rocking of each stop, if it was to be looked at; what it does is in the covariance.
+    pub(super) sway: Vec<Spectrum>,
+    /// Size of the last step in sigmas of the unit's noise: no fit unless it is [`SETTLED`].
+    pub(super) step_sigmas: f64,
 }
 
 /// One linearisation.
@@ -85,9 +93,10 @@ struct StopNormal {
 impl Joint {
     /// With `rocking`, what the residuals' spectrum does to the fit is added to the covariance of the unit's noise.
     pub(super) fn fit(problem: &Problem<'_>, taper: Taper, rocking: bool) -> Option<Self> {
-        let (start, pass) = Pass::last(problem, taper)?;
+        let (start, pass, covariance, step_sigmas) = Pass::last(problem, taper)?;
         let told = pass.at_end();
-        Some(pass.told(problem, &start, &told, rocking).0)
+        let fit = pass.told(problem, &start, &told, covariance, rocking).0;
+        Some(Joint { step_sigmas, ..fit })
     }
 
     /// The same with the covariance of attitude and biases at the begin of the first stop and at the end of the last together.
@@ -96,35 +105,48 @@ impl Joint {
         taper: Taper,
         rocking: bool,
     ) -> Option<(Self, SMatrix<f64, { 2 * GLOBAL }, { 2 * GLOBAL }>)> {
-        let (start, pass) = Pass::last(problem, taper)?;
+        let (start, pass, _, step_sigmas) = Pass::last(problem, taper)?;
         let told = pass.at_both();
-        Some(pass.told(problem, &start, &told, rocking))
+        let covariance = pass.covariance(problem, &told);
+        let (fit, covariance) = pass.told(problem, &start, &told, covariance, rocking);
+        Some((Joint { step_sigmas, ..fit }, covariance))
     }
 }
 
 impl Pass {
-    /// The last linearisation, and where it was made.
-    fn last(problem: &Problem<'_>, taper: Taper) -> Option<(Start, Self)> {
+    /// The last linearisation, where it was made, the covariance at its end, and the size of its step.
+    fn last(
+        problem: &Problem<'_>,
+        taper: Taper,
+    ) -> Option<(Start, Self, SMatrix<f64, GLOBAL, GLOBAL>, f64)> {
         let mut start = problem.start;
-        for _ in 0..PASSES - 1 {
+        let mut passes = 1;
+        loop {
             let pass = Pass::new(problem, &start, taper)?;
+            if passes >= PASSES {
+                let told = pass.at_end();
+                let covariance = pass.covariance(problem, &told);
+                let step = pass.step_sigmas(&told, &covariance);
+                if step <= SETTLED || passes == MOST_PASSES {
+                    return Some((start, pass, covariance, step));
+                }
+            }
             start = pass.moved(&start);
+            passes += 1;
         }
-        let pass = Pass::new(problem, &start, taper)?;
-        Some((start, pass))
     }
 
-    /// The fit, and the covariance of what is to be told.
+    /// The fit, and the covariance of what is to be told, to which rocking is added.
     fn told<const R: usize>(
         self,
         problem: &Problem<'_>,
         start: &Start,
         told: &Outputs<R>,
+        mut covariance: SMatrix<f64, R, R>,
         rocking: bool,
     ) -> (Joint, SMatrix<f64, R, R>) {
-        let mut covariance = self.covariance(problem, told);
         let residuals = self.residuals();
-        let mut periods_s = Vec::new();
+        let mut spectra = Vec::new();
         if rocking {
             for (i, (stop, left)) in self.stops.iter().zip(&residuals).enumerate() {
                 let gains: Vec<_> = (0..left.len())
@@ -132,7 +154,7 @@ impl Pass {
                     .collect();
                 let found = sway(&stop.t, left, &gains);
                 covariance += found.covariance;
-                periods_s.push(found.period_s);
+                spectra.push(found.spectrum);
             }
         }
         let start = self.moved(start);
@@ -143,7 +165,8 @@ impl Pass {
             stops: self.stops,
             covariance: SMatrix::from_fn(|i, j| covariance[(R - GLOBAL + i, R - GLOBAL + j)]),
             residuals,
-            periods_s,
+            sway: spectra,
+            step_sigmas: f64::NAN,
         };
         (fit, covariance)
     }
@@ -215,6 +238,18 @@ impl Pass {
             accel_bias: start.accel_bias + part(6),
             velocity_n: start.velocity_n + Vector3::new(local.x, local.y, 0.0),
         }
+    }
+
+    /// Largest component of the step over its sigma, both at the end of the last stop.
+    fn step_sigmas(
+        &self,
+        told: &Outputs<GLOBAL>,
+        covariance: &SMatrix<f64, GLOBAL, GLOBAL>,
+    ) -> f64 {
+        let step = told.by_fit * self.solution;
+        (0..GLOBAL)
+            .map(|i| step[i].abs() / (covariance[(i, i)].sqrt() + ROUNDING[i / 3] / SETTLED))
+            .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
     }
 
     fn residuals(&self) -> Vec<Vec<Vector3<f64>>> {
@@ -377,7 +412,7 @@ impl Pass {
         let accel = on_biases.fixed_columns::<3>(3).into_owned();
         add(&mut sum, &gyro, noise.gyro_bias_sigma.powi(2));
         add(&mut sum, &accel, noise.accel_bias_sigma.powi(2));
-        if let Some(sigma) = problem.kept_heading_sigma() {
+        if let Some((_, sigma)) = problem.heading {
             let heading = adjoint.column(2);
             sum += heading * heading.transpose() * (sigma * sigma);
         }
@@ -427,8 +462,9 @@ impl StopNormal {
 struct Weights {
     /// Inverse covariance of what is known of the unknowns beforehand.
     information: SMatrix<f64, GLOBAL, GLOBAL>,
-    /// Where what is known beforehand counts: the rows' weights promise more than the unit's noise keeps, and everything that is
-    /// weighed against them is brought to their scale. 1 elsewhere.
+    /// The rows' weights promise more than the unit's noise keeps (10⁴ times more in half an hour of a tactical unit), and
+    /// everything that is weighed against them is brought to their scale: else rows of noise outweigh the vertical force, and make
+    /// an accelerometer bias of 2 m/s² of it.
     scale: f64,
     /// Whether that is knowledge, or only keeps the biases from running away.
     known: bool,
@@ -436,37 +472,24 @@ struct Weights {
 
 impl Weights {
     fn of(problem: &Problem<'_>, stop: &Standing) -> Option<Self> {
-        let biases = |gyro: f64, accel: f64| {
-            let part = |sigma: f64| Vector3::repeat(sigma.powi(-2));
-            let parts = [Vector3::zeros(), part(gyro), part(accel)];
-            SMatrix::from_diagonal(&Global::from_iterator(parts.iter().flatten().copied()))
-        };
+        let scale = promised(problem, stop);
         let noise = problem.noise;
-        Some(match (&problem.prior, problem.knowledge) {
-            (Some(prior), _) => {
-                let scale = promised(problem, stop);
-                Weights {
-                    information: inverse(&prior.covariance)? / (scale * scale),
-                    scale,
-                    known: true,
-                }
-            }
-            (None, Some([gyro, accel])) => {
-                let scale = promised(problem, stop);
-                Weights {
-                    information: biases(gyro * scale, accel * scale),
-                    scale,
-                    known: true,
-                }
-            }
-            (None, None) => Weights {
-                information: biases(
+        let information = match (&problem.prior, problem.knowledge) {
+            (Some(prior), _) => inverse(&prior.covariance)?,
+            (None, knowledge) => {
+                let [gyro, accel] = knowledge.unwrap_or([
                     WEAK_GYRO.max(10.0 * noise.gyro_bias_sigma),
                     WEAK_ACCEL.max(10.0 * noise.accel_bias_sigma),
-                ),
-                scale: 1.0,
-                known: false,
-            },
+                ]);
+                let part = |sigma: f64| Vector3::repeat(sigma.powi(-2));
+                let parts = [Vector3::zeros(), part(gyro), part(accel)];
+                SMatrix::from_diagonal(&Global::from_iterator(parts.iter().flatten().copied()))
+            }
+        };
+        Some(Weights {
+            information: information / (scale * scale),
+            scale,
+            known: problem.prior.is_some() || problem.knowledge.is_some(),
         })
     }
 }
@@ -508,6 +531,11 @@ fn solve(
     }
     if problem.keeps_heading {
         matrix[(2, 2)] += FIXED.powi(-2);
+    } else if let Some((told, sigma)) = problem.heading {
+        let weight = (sigma.max(FIXED) * weights.scale).powi(-2);
+        let now = Euler::from_quaternion(&start.q_nb).heading;
+        matrix[(2, 2)] += weight;
+        right[2] += wrap_angle(told - now) * weight;
     }
     let inverse = inverse(&matrix)?;
     Some((inverse, inverse * right))

@@ -5,6 +5,7 @@
 
 mod align;
 mod coarse;
+mod earth_rate;
 mod fitted;
 mod free_run;
 mod fuse;
@@ -21,6 +22,7 @@ mod rates;
 mod record;
 mod refusal;
 mod result;
+mod stages;
 mod standing;
 mod sway;
 mod task;

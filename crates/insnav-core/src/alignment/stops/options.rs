@@ -27,9 +27,11 @@ pub struct AlignmentOptions {
     pub noise: ImuNoise,
     /// Standard deviation of the gyros' scale factors; acts in turns between stops.
     pub gyro_scale_sigma: f64,
-    /// Heading of the body's x axis at the first stop's begin and its sigma, rad, if it is known.
+    /// Heading of the body's x axis at the first stop's begin and its sigma, rad, if it is known. The gyros carry it to the last stop
+    /// for methods that use only that.
     pub heading: Option<(f64, f64)>,
-    /// The azimuth is called unobservable when its sigma would be larger, rad.
+    /// The azimuth is called unobservable when its sigma would be larger, rad: a method that is asked for is then refused, before
+    /// or after its fit, the automatic choice levels, or says so in the result.
     pub largest_azimuth_sigma: f64,
     /// Weights of the joint regression; `None`: by what the stops show.
     pub taper: Option<Taper>,

@@ -24,7 +24,7 @@ pub(super) struct Problem<'a> {
     pub(super) gyro_scale_sigma: f64,
     /// Heading at the first stop's begin and its standard deviation, if it is known beforehand.
     pub(super) heading: Option<(f64, f64)>,
-    /// Whether a regression keeps to that heading.
+    /// Whether a regression keeps to that heading; else it is one more measurement.
     pub(super) keeps_heading: bool,
     /// Standard deviations of the biases beforehand (rad/s, m/s²), where a regression must lean on them.
     pub(super) knowledge: Option<[f64; 2]>,
@@ -63,13 +63,6 @@ impl Problem<'_> {
     /// Standard deviation of a stop's mean vertical force against normal gravity, m/s².
     pub(super) fn vertical_sigma(&self, length: f64) -> f64 {
         GRAVITY_SIGMA.hypot(self.noise.accel_white / length.sqrt())
-    }
-
-    /// Standard deviation of the heading that a regression keeps to.
-    pub(super) fn kept_heading_sigma(&self) -> Option<f64> {
-        self.heading
-            .filter(|_| self.keeps_heading)
-            .map(|(_, sigma)| sigma)
     }
 
     /// What has to be added to `start` to come to what is expected beforehand; without a prior, biases of zero.

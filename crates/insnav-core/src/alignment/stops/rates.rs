@@ -3,9 +3,9 @@
 use super::free_run::FreeRun;
 use super::place::Place;
 use super::standing::{Standing, Taper, derivative_row, once_summed, twice_summed};
-use super::sway::leak;
+use super::sway::{PERIODS, Spectrum};
 use crate::imu::ImuNoise;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::vec::Vec;
 
 /// Rates that a free run has not accounted for, n, rad/s, and their standard deviations by the unit's noise.
@@ -78,14 +78,15 @@ fn reach(t: &[f64], taper: Taper) -> Vec<([f64; 2], f64)> {
     out
 }
 
-/// Difference between the rates of the two halves of a stop, in its sigmas; `rocking`: the fit's residuals, when the base rocks.
+/// Difference between the rates of the two halves of a stop, in its sigmas; `rocking`: the spectrum of the
+/// fit's residuals, when the base rocks.
 pub(super) fn disagreement(
     standing: &Standing,
     run: &FreeRun,
     place: &Place,
     noise: &ImuNoise,
     taper: Taper,
-    rocking: Option<&[Vector3<f64>]>,
+    rocking: Option<&Spectrum>,
 ) -> Vector3<f64> {
     let (middle, end) = (standing.t.len() / 2, standing.t.len() - 1);
     let first = rates(standing, run, place, noise, taper, (0, middle));
@@ -104,17 +105,34 @@ pub(super) fn disagreement(
             let step = [whole - horizontal, whole - vertical].map(|s: f64| s * s * drift * dt);
             variance += Vector3::new(step[0], step[0], step[1]);
         }
-        let Some(left) = rocking else { continue };
         // Rocking leaks into the halves, whose tapers hold half as many of its periods, more than into the whole.
-        let weights = taper.weights(&t);
-        let bend = derivative_row::<3>(&t, &weights);
-        let slope = derivative_row::<2>(&t, &weights);
-        let channel = |i: usize| left.iter().map(|r| r[i]).collect::<Vec<f64>>();
-        let of = |i, c: &[f64]| leak(&standing.t, &channel(i), from, c);
-        let square = place.gravity * place.gravity;
-        variance += Vector3::new(of(1, &bend) / square, of(0, &bend) / square, of(2, &slope));
+        if let Some(spectrum) = rocking {
+            variance += leak(standing, spectrum, place, taper, (from, to));
+        }
     }
     difference.component_div(&variance.map(f64::sqrt))
+}
+
+/// Variances that rocking of [`PERIODS`] periods per stop and more leaves in the rates over nodes `from..=to` of a stop.
+pub(super) fn leak(
+    standing: &Standing,
+    spectrum: &Spectrum,
+    place: &Place,
+    taper: Taper,
+    (from, to): (usize, usize),
+) -> Vector3<f64> {
+    let begin = standing.t[from];
+    let t: Vec<f64> = standing.t[from..=to].iter().map(|t| t - begin).collect();
+    let weights = taper.weights(&t);
+    let bend = derivative_row::<3>(&t, &weights);
+    let slope = derivative_row::<2>(&t, &weights);
+    let mut gains = std::vec![Matrix3::zeros(); standing.t.len()];
+    for ((gain, b), s) in gains[from..=to].iter_mut().zip(&bend).zip(&slope) {
+        gain[(0, 1)] = b / place.gravity;
+        gain[(1, 0)] = -b / place.gravity;
+        gain[(2, 2)] = *s;
+    }
+    spectrum.through(&gains, PERIODS).diagonal()
 }
 
 /// Standard deviation (rad/s) of a level rate by one stop of `length` s, tilt and velocity free: the Cramér–Rao limit

@@ -108,15 +108,39 @@ pub enum Refusal {
         /// The discriminant over its leading coefficient.
         discriminant: f64,
     },
-    /// The horizontal Earth rate found is not that of the latitude.
+    /// The Earth rate found is not that of the latitude.
     #[error(
-        "the Earth rate found is not that of the latitude: its horizontal part is off by {norm_residual:+.2e} of itself ({sigmas:.1} sigmas): check the latitude given"
+        "the Earth rate found is not that of latitude {latitude_deg:.4}°: its {part} part is off by {off_deg_per_hour:+.3} °/h ({sigmas:.1} sigmas, 4 allowed): check the latitude (north is positive), or state a larger gyro bias"
     )]
     LatitudeInconsistent {
-        /// Horizontal rate found over Ω cos L, minus one.
-        norm_residual: f64,
-        /// That in its sigmas.
+        /// As told, degrees.
+        latitude_deg: f64,
+        /// "horizontal" or "vertical".
+        part: &'static str,
+        /// That part found less that of the latitude.
+        off_deg_per_hour: f64,
+        /// That in its sigmas, once and a half the bias that is expected of the unit allowed for.
         sigmas: f64,
+    },
+    /// The joint fit does not come to rest.
+    #[error(
+        "the fit of the stops does not settle: after {passes} passes its step is still {step_sigmas:.1e} sigmas (0.05 allowed), as drifts too large for so long a free run leave it: take stops of 300 s or less close to the turn, and check units, axes and latitude"
+    )]
+    NotConverged {
+        /// Passes made.
+        passes: usize,
+        /// Largest component of the last step over its sigma; infinite where a pass had no solution.
+        step_sigmas: f64,
+    },
+    /// A Kalman filter is asked for on a base that rocks.
+    #[error(
+        "the base rocks: the Kalman filter's normalised innovations squared are {nis:.1} on average ({allowed:.1} allowed), and its sigmas would not hold: use the method joint or auto, or state more noise if the base is quiet"
+    )]
+    BaseRocks {
+        /// Normalised innovations squared over their number.
+        nis: f64,
+        /// The largest allowed.
+        allowed: f64,
     },
     /// A heading that is told, and one that the stops tell.
     #[error(
@@ -138,12 +162,20 @@ pub enum Refusal {
         /// The latitude.
         latitude_deg: f64,
     },
-    /// The unit cannot find north in these stops.
+    /// At a pole no direction is north.
     #[error(
-        "with this unit the azimuth would have a sigma of {sigma_azimuth_deg:.2}° ({limit_deg:.2}° allowed): stand longer, turn between stops, use a better unit, or ask for levelling"
+        "at latitude {latitude_deg:.4}° every direction is south or north, and a heading means nothing: give the latitude where the body stands, 89.99° at most"
+    )]
+    AtPole {
+        /// The latitude.
+        latitude_deg: f64,
+    },
+    /// The unit cannot find north in these stops: by its noise beforehand, or by what a fit has left.
+    #[error(
+        "with this unit in these stops the azimuth has a sigma of {sigma_azimuth_deg:.2}° ({limit_deg:.2}° allowed): stand longer, turn between stops, use a better unit, or ask for levelling"
     )]
     LowGrade {
-        /// Sigma predicted from noise, bias and lengths.
+        /// Sigma predicted from noise, bias and lengths, or of the fit.
         sigma_azimuth_deg: f64,
         /// The largest allowed.
         limit_deg: f64,
@@ -213,6 +245,9 @@ impl Refusal {
             Refusal::SingularGeometry { .. } => "singular_geometry",
             Refusal::NegativeDiscriminant { .. } => "negative_discriminant",
             Refusal::LatitudeInconsistent { .. } => "latitude_inconsistent",
+            Refusal::NotConverged { .. } => "not_converged",
+            Refusal::BaseRocks { .. } => "base_rocks",
+            Refusal::AtPole { .. } => "at_pole",
             Refusal::HeadingContradicted { .. } => "heading_contradicted",
             Refusal::AzimuthUnobservable { .. } => "azimuth_unobservable",
             Refusal::LowGrade { .. } => "low_grade",

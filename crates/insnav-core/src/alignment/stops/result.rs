@@ -16,15 +16,15 @@ pub enum AlignmentMethod {
     /// tapered regression on a rocking one.
     #[default]
     Auto,
-    /// Roll and pitch from gravity; the mean rate is taken for the gyro bias.
+    /// Roll and pitch from gravity in the last stop; the mean rate is taken for the gyro bias.
     Levelling,
-    /// Gravity and the mean rate as two vectors.
+    /// Gravity and the mean rate as two vectors, in the last stop.
     TwoVector,
-    /// Optimisation-based alignment in the inertial frame, by the q-method.
+    /// Optimisation-based alignment in the inertial frame, by the q-method, in the last stop.
     Coarse,
-    /// A third-order levelling loop in one stop.
+    /// A third-order levelling loop in the last stop.
     Gyrocompass,
-    /// A Kalman filter in one stop.
+    /// The Kalman filter in the last stop alone.
     Fine,
     /// Two or more stops with turns between them: Kalman filter or joint regression, as the base is quiet or rocks.
     MultiPosition,
@@ -101,7 +101,8 @@ pub struct AlignmentResult {
     pub weakest: Vector4<f64>,
     /// How well they tell it, a singular value: 0 not at all, 1.4 the best that two positions can do.
     pub geometry_ratio: f64,
-    /// Horizontal Earth rate found over that of the latitude, minus one, and its sigma; with two or more positions.
+    /// Horizontal Earth rate found over that of the latitude, minus one, and its sigma (once and a half the bias sigma of the unit
+    /// allowed for, where the positions do not tell the drift); with two or more stops.
     pub norm_residual: Option<[f64; 2]>,
     /// Normalised innovations squared of the Kalman filter over their number: 1 or less on a quiet base.
     pub nis_ratio: Option<f64>,
@@ -120,7 +121,7 @@ pub struct StopReport {
     pub rate_n: Vector3<f64>,
     /// What the stop's own fit leaves of it, rad/s.
     pub residual_rate_n: Vector3<f64>,
-    /// Standard deviation of that by the unit's noise.
+    /// Standard deviation of that by the unit's noise and the rocking of the stop.
     pub sigma_rate: Vector3<f64>,
     /// Mean attitude.
     pub q_nb: UnitQuaternion<f64>,

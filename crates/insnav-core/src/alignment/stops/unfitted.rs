@@ -7,7 +7,7 @@ use super::level;
 use super::record::Span;
 use super::task::Task;
 use super::{AlignmentMethod, AlignmentResult, Refusal};
-use crate::attitude::{Euler, exp};
+use crate::attitude::{Euler, exp, log};
 use crate::error::Result;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::string::{String, ToString};
@@ -34,8 +34,9 @@ impl Task<'_> {
         }
         self.record.require_whole(span)?;
         self.require_still(span)?;
-        let heading = self.options.heading;
+        let heading = self.told_at_last()?;
         let levelled = level::level(self.record, span, &self.place, &self.options.noise, heading);
+        self.require_hemisphere((levelled.q_nb * levelled.gyro_bias).z)?;
         let predicted = predicted.unwrap_or_else(|| self.predicted_azimuth_sigma());
         let mut result = self.result(
             AlignmentMethod::Levelling,
@@ -45,7 +46,7 @@ impl Task<'_> {
             Vector3::zeros(),
             levelled.covariance,
         );
-        match heading {
+        match self.options.heading {
             Some((told, _)) => {
                 result.azimuth = Some(told.rem_euclid(core::f64::consts::TAU));
             }
@@ -99,6 +100,35 @@ impl Task<'_> {
             Vector3::zeros(),
             covariance,
         ))
+    }
+
+    /// The heading that is told, and its sigma, at the begin of the last stop: the gyros carry it there from the first, by which it
+    /// also tells their bias.
+    pub(super) fn told_at_last(&self) -> Result<Option<(f64, f64)>> {
+        let Some((told, sigma)) = self.options.heading else {
+            return Ok(None);
+        };
+        let [first, .., last] = self.spans.as_slice() else {
+            return Ok(Some((told, sigma)));
+        };
+        self.record.require_whole(self.whole())?;
+        self.require_still(*first)?;
+        let noise = &self.options.noise;
+        let heading = Some((told, sigma));
+        let levelled = level::level(self.record, *first, &self.place, noise, heading);
+        let mut q = levelled.q_nb;
+        let nodes = &self.record.nodes[first.end..last.begin];
+        for node in nodes {
+            let (rotation, _) = node.corrected(&levelled.gyro_bias, &Vector3::zeros());
+            q = exp(&-(self.place.earth_n * node.dt)) * q * rotation;
+        }
+        let time: f64 = nodes.iter().map(|node| node.dt).sum();
+        let turn = log(&(q * levelled.q_nb.inverse())).norm();
+        let rate = levelled.covariance.diagonal().fixed_rows::<3>(3).max();
+        let carried = (noise.gyro_white.powi(2) + rate * time) * time;
+        let scale = self.options.gyro_scale_sigma * turn;
+        let sigma = (sigma * sigma + carried + scale * scale).sqrt();
+        Ok(Some((Euler::from_quaternion(&q).heading, sigma)))
     }
 
     /// The attitude at the end of a stop from that at its begin.
