@@ -77,6 +77,15 @@ pub struct Speed {
     pub speed: f64,
 }
 
+/// The magnetic field around a magnetometer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MagneticField {
+    /// Stamp on the IMU's clock.
+    pub time: Time,
+    /// Field resolved in b (forward-right-down), T.
+    pub field_b: Vector3<f64>,
+}
+
 /// Everything that a navigator takes, in one stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sample {
@@ -94,6 +103,8 @@ pub enum Sample {
     Standstill(Standstill),
     /// Speed of the wheels.
     Speed(Speed),
+    /// Magnetic field: for the heading of a start only.
+    Magnetic(MagneticField),
 }
 
 impl Sample {
@@ -107,6 +118,7 @@ impl Sample {
             Sample::Heading(s) => s.time,
             Sample::Standstill(s) => s.time,
             Sample::Speed(s) => s.time,
+            Sample::Magnetic(s) => s.time,
         }
     }
 
@@ -121,6 +133,7 @@ impl Sample {
             Sample::Heading(s) => &mut s.time,
             Sample::Standstill(s) => &mut s.time,
             Sample::Speed(s) => &mut s.time,
+            Sample::Magnetic(s) => &mut s.time,
         };
         *time = time.plus(seconds);
         self
@@ -171,6 +184,7 @@ impl Sample {
             ],
             Sample::Standstill(_) => [(true, "standstill"); 2],
             Sample::Speed(s) => [(s.speed.is_finite(), "speed"); 2],
+            Sample::Magnetic(s) => [(finite(&s.field_b), "magnetic field"); 2],
         };
         checks
             .iter()

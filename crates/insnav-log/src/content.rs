@@ -4,8 +4,8 @@ use crate::cdr::CdrReader;
 use crate::device;
 use crate::message::MessageKind;
 use crate::ros2::{
-    Bool, CovarianceType, Decode, Float32, Float64, Header, Imu, NavSatFix, Odometry, Transforms,
-    TwistStamped, TwistWithCovarianceStamped,
+    Bool, CovarianceType, Decode, Float32, Float64, Header, Imu, MagneticField, NavSatFix,
+    Odometry, Transforms, TwistStamped, TwistWithCovarianceStamped,
 };
 use crate::topic_map::TopicMap;
 use crate::velocity_axes::VelocityAxes;
@@ -38,6 +38,8 @@ pub(crate) struct Content<'a> {
     pub(crate) velocity: Option<Velocity>,
     pub(crate) heading: Option<NorthHeading>,
     pub(crate) standing: Option<Declared>,
+    /// Magnetic field, T.
+    pub(crate) field: Option<(Vector3<f64>, Axes)>,
 }
 
 impl<'a> Content<'a> {
@@ -52,6 +54,7 @@ impl<'a> Content<'a> {
             velocity: None,
             heading: None,
             standing: None,
+            field: None,
         }
     }
 }
@@ -138,6 +141,7 @@ impl Content<'_> {
         rates.is_none_or(|r| (r.angular_rate.sum() + r.specific_force.sum()).is_finite())
             && velocity.is_none_or(|v| (v.enu.x + v.enu.y).is_finite())
             && heading.is_none_or(|h| (h.heading + h.sigma).is_finite())
+            && self.field.is_none_or(|(b, _)| b.sum().is_finite())
             && !matches!(self.standing, Some(Declared::Speed(v)) if !v.is_finite())
     }
 }
@@ -250,6 +254,16 @@ impl MessageReader {
                     standing: Some(speed(&odometry.twist.linear)),
                     ..other(odometry.header)
                 }
+            }
+            MessageKind::MagneticField => {
+                let message: MagneticField<'_> = self.decode(message)?;
+                Content {
+                    field: Some((message.magnetic_field, Axes::AsRead)),
+                    ..other(message.header)
+                }
+            }
+            MessageKind::VehicleMagnetometer => {
+                device::vehicle_magnetometer(&mut self.fields(message)?)?
             }
             MessageKind::Bool => declared(Declared::Standing(self.decode::<Bool>(message)?.0)),
             MessageKind::Float32 => {

@@ -5,7 +5,7 @@ use crate::frames::{ENU_NED, FLU_FRD};
 use crate::log::{METADATA_NAME, METADATA_T0};
 use crate::mcap_writer::{ChannelHandle, Compression, McapWriter};
 use crate::ros2::{
-    Bool, Float64, Header, Imu, NavSatFix, TfMessage, TransformStamped, Twist,
+    Bool, Float64, Header, Imu, MagneticField, NavSatFix, TfMessage, TransformStamped, Twist,
     TwistWithCovarianceStamped,
 };
 use crate::sink::fix_message;
@@ -32,6 +32,8 @@ pub struct LogWriterOptions {
     pub standing_topic: String,
     /// Topic of the speed of wheels.
     pub speed_topic: String,
+    /// Topic of magnetic fields.
+    pub magnetic_topic: String,
     /// The instant from which `*_s` counts, stored as metadata.
     pub t0: Option<Time>,
     /// Antenna from the IMU, forward-right-down, m, written as a static transform.
@@ -50,6 +52,7 @@ impl Default for LogWriterOptions {
             velocity_topic: "/gps/vel".into(),
             standing_topic: "/vehicle/standing".into(),
             speed_topic: "/vehicle/speed".into(),
+            magnetic_topic: "/imu/mag".into(),
             t0: None,
             lever_arm_b: None,
             metadata: BTreeMap::new(),
@@ -73,6 +76,7 @@ pub struct LogWriter {
     velocity: Option<ChannelHandle>,
     standing: Option<ChannelHandle>,
     speed: Option<ChannelHandle>,
+    magnetic: Option<ChannelHandle>,
     first: Option<Time>,
 }
 
@@ -89,6 +93,7 @@ impl LogWriter {
             velocity: None,
             standing: None,
             speed: None,
+            magnetic: None,
             first: None,
         })
     }
@@ -210,6 +215,24 @@ impl LogWriter {
                         .insert(self.writer.channel::<Float64>(&self.options.speed_topic)?),
                 };
                 self.writer.write(channel, log_time, &Float64(sample.speed))
+            }
+            Sample::Magnetic(sample) => {
+                let channel = match self.magnetic {
+                    Some(channel) => channel,
+                    None => *self.magnetic.insert(
+                        self.writer
+                            .channel::<MagneticField<'_>>(&self.options.magnetic_topic)?,
+                    ),
+                };
+                let message = MagneticField {
+                    header: Header {
+                        stamp: sample.time,
+                        frame_id: IMU_FRAME,
+                    },
+                    magnetic_field: FLU_FRD * sample.field_b,
+                    magnetic_field_covariance: [0.0; 9],
+                };
+                self.writer.write(channel, log_time, &message)
             }
         }
     }

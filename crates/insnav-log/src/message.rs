@@ -31,6 +31,10 @@ pub enum MessageKind {
     SensorCombined,
     /// `px4_msgs/msg/SensorGps`, before 2022 `VehicleGpsPosition`
     SensorGps,
+    /// `sensor_msgs/msg/MagneticField`
+    MagneticField,
+    /// `px4_msgs/msg/VehicleMagnetometer`
+    VehicleMagnetometer,
     /// `std_msgs/msg/Bool`
     Bool,
     /// `std_msgs/msg/Float32`
@@ -124,6 +128,18 @@ const NAMES: &[Names] = &[
         &["TFMessage", "tfMessage"],
         &["transforms"],
     ),
+    (
+        MessageKind::MagneticField,
+        &["sensor_msgs"],
+        &["MagneticField"],
+        &["header", "magnetic_field"],
+    ),
+    (
+        MessageKind::VehicleMagnetometer,
+        &["px4_msgs"],
+        &["VehicleMagnetometer"],
+        &["timestamp", "magnetometer_ga"],
+    ),
     // One field `data` says nothing of a kind.
     (MessageKind::Bool, &["std_msgs"], &["Bool"], &[]),
     (MessageKind::Float32, &["std_msgs"], &["Float32"], &[]),
@@ -168,6 +184,7 @@ impl MessageKind {
                 | MessageKind::TwistWithCovarianceStamped
                 | MessageKind::Odometry
                 | MessageKind::Transforms
+                | MessageKind::MagneticField
                 | MessageKind::Bool
                 | MessageKind::Float32
                 | MessageKind::Float64

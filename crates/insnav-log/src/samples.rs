@@ -7,9 +7,11 @@ use crate::frames::{ENU_NED, FLU_FRD};
 use crate::imu_units::ImuUnits;
 use crate::log::{ImuAxes, Log, TimeSource};
 use crate::reorder::{Reorder, Waiting};
-use crate::topics::Role;
+use crate::topics::{Choice, Role};
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, Heading, Sample, Speed, Standstill};
+use insnav_core::sample::{
+    GnssPosition, GnssVelocity, Heading, MagneticField, Sample, Speed, Standstill,
+};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -31,6 +33,8 @@ pub struct SampleCounts {
     pub standstill: u64,
     /// Speeds of wheels passed on.
     pub speed: u64,
+    /// Magnetic fields passed on.
+    pub magnetic: u64,
     /// Positions dropped: the receiver says that it has no fix.
     pub dropped_no_fix: u64,
     /// Positions dropped: NaN, infinite, or not on the Earth.
@@ -113,7 +117,12 @@ impl<'a> Samples<'a> {
             Role::GnssVelocity,
             Role::Standing,
             Role::Heading,
+            Role::Magnetometer,
         ] {
+            let several = matches!(log.selected().choice(role), Choice::Ambiguous(_));
+            if role == Role::Magnetometer && several {
+                continue;
+            }
             let Some(info) = log.optional(role)? else {
                 continue;
             };
@@ -267,6 +276,14 @@ impl<'a> Samples<'a> {
             };
             self.reorder.push(time, log_time, Sample::Heading(heading));
         }
+        if let Some((field, axes)) = &content.field
+            && plays(Role::Magnetometer)
+            && field.sum().is_finite()
+        {
+            let field_b = self.to_body[*axes as usize] * field;
+            let sample = Sample::Magnetic(MagneticField { time, field_b });
+            self.reorder.push(time, log_time, sample);
+        }
         if let Some(declared) = content.standing
             && plays(Role::Standing)
         {
@@ -304,6 +321,11 @@ impl<'a> Samples<'a> {
                 }
                 self.last_imu = Some(time);
                 self.counts.imu += 1;
+            }
+            // What is wrong with its clock must not make others late.
+            Sample::Magnetic(_) => {
+                self.counts.magnetic += 1;
+                return Ok(Some(sample));
             }
             _ if self.last.is_some_and(|last| time < last) => {
                 self.counts.dropped_late += 1;

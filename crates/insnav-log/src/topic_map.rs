@@ -32,6 +32,7 @@ use std::str::FromStr;
 /// fix_from = 3
 /// heading_deg = "gps.heading"
 /// heading_sigma_deg = "gps.heading_acc"
+/// magnetic_field_t = ["mag.x * 1e-6", "mag.y * 1e-6", "mag.z * 1e-6"]  # axes as imu_axes
 /// standing = "brake.parked"                  # true, or a number that is not 0: it stands
 /// ```
 ///
@@ -92,6 +93,9 @@ pub struct TopicMap {
     /// Its standard deviation, degrees.
     #[serde(default)]
     pub heading_sigma_deg: Option<Expression>,
+    /// Magnetic field, T, in the axes of `imu_axes`.
+    #[serde(default)]
+    pub magnetic_field_t: Option<[Expression; 3]>,
     /// Whether the body stands: true, or a number that is not 0.
     #[serde(default)]
     pub standing: Option<Expression>,
@@ -200,6 +204,7 @@ impl TopicMap {
             (Role::GnssPosition, self.latitude_deg.is_some()),
             (Role::GnssVelocity, self.velocity_m_per_s.is_some()),
             (Role::Heading, self.heading_deg.is_some()),
+            (Role::Magnetometer, self.magnetic_field_t.is_some()),
             (
                 Role::Standing,
                 self.standing.is_some() || self.speed_m_per_s.is_some(),
@@ -251,6 +256,7 @@ impl TopicMap {
             velocity: self.velocity(fields)?,
             heading: self.heading(fields)?,
             standing: self.declared(fields)?,
+            field: self.magnetic(fields)?,
             ..Content::empty(stamp, "")
         })
     }
@@ -264,11 +270,23 @@ impl TopicMap {
         Ok(Some(Rates {
             angular_rate: vector(rate, fields, "angular_rate_rad_per_s")?,
             specific_force: vector(force, fields, "specific_force_m_per_s2")?,
-            axes: match self.imu_axes {
-                MapImuAxes::Flu => Axes::Flu,
-                MapImuAxes::Frd => Axes::Frd,
-            },
+            axes: self.axes(),
         }))
+    }
+
+    fn axes(&self) -> Axes {
+        match self.imu_axes {
+            MapImuAxes::Flu => Axes::Flu,
+            MapImuAxes::Frd => Axes::Frd,
+        }
+    }
+
+    fn magnetic(&self, fields: &Fields<'_>) -> Result<Option<(Vector3<f64>, Axes)>, DecodeError> {
+        let Some(field) = &self.magnetic_field_t else {
+            return Ok(None);
+        };
+        let field = vector(field, fields, "magnetic_field_t")?;
+        Ok(Some((field, self.axes())))
     }
 
     fn position(&self, fields: &Fields<'_>) -> Result<Option<Fix>, DecodeError> {

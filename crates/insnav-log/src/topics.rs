@@ -24,11 +24,13 @@ pub enum Role {
     /// Heading of the body's forward axis, from two antennas. Taken only when it is named: where the antennas are, the
     /// message does not say.
     Heading,
+    /// Magnetic field, for the heading of a start. Where there are several and none is named, none is taken.
+    Magnetometer,
 }
 
 impl Role {
     /// All of them.
-    pub const ALL: [Role; 7] = [
+    pub const ALL: [Role; 8] = [
         Role::Imu,
         Role::GnssPosition,
         Role::GnssVelocity,
@@ -36,6 +38,7 @@ impl Role {
         Role::Tf,
         Role::Standing,
         Role::Heading,
+        Role::Magnetometer,
     ];
 
     /// Name in `--topic NAME=/topic`.
@@ -48,6 +51,7 @@ impl Role {
             Role::Tf => "tf",
             Role::Standing => "standing",
             Role::Heading => "heading",
+            Role::Magnetometer => "magnetometer",
         }
     }
 
@@ -84,6 +88,7 @@ impl Role {
                 MessageKind::TwistStamped,
             ],
             Role::Heading => &[MessageKind::NavRelPosNed],
+            Role::Magnetometer => &[MessageKind::MagneticField, MessageKind::VehicleMagnetometer],
         }
     }
 
@@ -111,6 +116,7 @@ impl fmt::Display for Role {
             Role::Tf => "static transform",
             Role::Standing => "declaration of standing",
             Role::Heading => "heading",
+            Role::Magnetometer => "magnetic field",
         })
     }
 }

@@ -40,6 +40,7 @@ pub(crate) fn demo_report(d: &DemoReport) -> String {
             HeadingSource::Gyrocompass => "the Earth's rate",
             HeadingSource::Antenna => "two antennas",
             HeadingSource::MovingBase => "the GNSS velocities",
+            HeadingSource::Magnetic => "a magnetometer",
             HeadingSource::Unknown | HeadingSource::Relative => "nowhere: it was not found",
         };
         add(

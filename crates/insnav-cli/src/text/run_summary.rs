@@ -313,6 +313,7 @@ fn alignment(a: &AlignmentReport) -> String {
             "from GNSS velocities and specific force up to {:.1} s",
             a.heading_at_s
         ),
+        HeadingSource::Magnetic => "from the magnetometer".into(),
         HeadingSource::Unknown => "not known".into(),
         HeadingSource::Relative => {
             "by definition: the map's north is where the nose pointed".into()

@@ -9,6 +9,8 @@ mod first_fix;
 #[cfg(feature = "std")]
 mod levelling;
 #[cfg(feature = "std")]
+mod magnetic;
+#[cfg(feature = "std")]
 mod moving_base;
 #[cfg(feature = "std")]
 mod rest;
@@ -19,6 +21,8 @@ mod stops;
 #[cfg(feature = "std")]
 mod track;
 
+#[cfg(feature = "std")]
+pub use magnetic::EARTH_FIELD;
 #[cfg(feature = "std")]
 pub use startup::Startup;
 #[cfg(feature = "std")]
@@ -49,6 +53,8 @@ pub enum HeadingSource {
     Antenna,
     /// GNSS velocities and specific force, whichever way the vehicle looks.
     MovingBase,
+    /// A magnetometer.
+    Magnetic,
     /// None: heading is unknown, its sigma that of a uniform distribution.
     Unknown,
     /// None, and none is needed: headings count from that at the start, whose sigma is zero by definition.

@@ -128,6 +128,13 @@ impl Config {
             "between -360 and 360",
         )?;
         positive("alignment.heading_sigma_deg", alignment.heading_sigma_deg)?;
+        positive("alignment.magnetic_sigma_deg", alignment.magnetic_sigma_deg)?;
+        check(
+            "alignment.declination_deg",
+            alignment.declination_deg,
+            |x| x.abs() <= 180.0,
+            "between -180 and 180",
+        )?;
         // North is what a solution is made of, and at the poles there is none.
         check(
             "alignment.latitude_deg",
@@ -478,6 +485,11 @@ pub struct AlignmentConfig {
     pub heading_sigma_deg: Option<f64>,
     /// Latitude of a run without GNSS, degrees; absent: that of `output.origin`, else 45.
     pub latitude_deg: Option<f64>,
+    /// Magnetic north from true north, degrees, positive to the east; absent: 0, with a warning where a magnetometer gives the
+    /// heading.
+    pub declination_deg: Option<f64>,
+    /// Standard deviation of a magnetometer's heading, degrees; absent: 15, as of one that nobody has calibrated in its vehicle.
+    pub magnetic_sigma_deg: Option<f64>,
 }
 
 /// `[output]`

@@ -40,6 +40,7 @@ fn order(s: &Sample) -> (Time, u8) {
         Sample::Heading(_) => 2,
         Sample::Standstill(_) => 3,
         Sample::Speed(_) => 4,
+        Sample::Magnetic(_) => 5,
         Sample::Imu(_) | Sample::ImuIncrement(_) => u8::MAX,
     };
     (s.time(), kind)

@@ -252,7 +252,9 @@ impl Navigator {
     /// usable.
     pub fn step(&mut self, sample: &Sample, sink: &mut impl Sink) -> Result<()> {
         let sample = match sample {
-            Sample::Imu(_) | Sample::ImuIncrement(_) => sample.delayed(self.time_offset),
+            Sample::Imu(_) | Sample::ImuIncrement(_) | Sample::Magnetic(_) => {
+                sample.delayed(self.time_offset)
+            }
             Sample::GnssVelocity(_) => sample.delayed(-self.velocity_lag),
             Sample::GnssPosition(_)
             | Sample::Heading(_)
@@ -276,6 +278,10 @@ impl Navigator {
                 return Ok(());
             };
             return self.begin(alignment, sink);
+        }
+        // It serves a start only.
+        if matches!(sample, Sample::Magnetic(_)) {
+            return Ok(());
         }
         self.admit(sample, sink)
     }
@@ -501,7 +507,8 @@ impl Navigator {
                 Sample::Imu(_)
                 | Sample::ImuIncrement(_)
                 | Sample::Standstill(_)
-                | Sample::Speed(_) => continue,
+                | Sample::Speed(_)
+                | Sample::Magnetic(_) => continue,
             };
             match outcome {
                 Ok(update) => {

@@ -178,7 +178,7 @@ impl StopDetector {
             Sample::GnssVelocity(fix) => self.speed.observe_gnss(fix, self.speed_limit),
             Sample::Speed(speed) => self.speed.observe_wheels(speed, self.speed_limit),
             Sample::Standstill(said) => self.declared.observe(said),
-            Sample::GnssPosition(_) | Sample::Heading(_) => {}
+            Sample::GnssPosition(_) | Sample::Heading(_) | Sample::Magnetic(_) => {}
         }
     }
 

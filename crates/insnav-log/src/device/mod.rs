@@ -7,7 +7,7 @@ mod ublox;
 
 pub(crate) use gps_fix::gps_fix;
 pub(crate) use location_fix::location_fix;
-pub(crate) use px4::{sensor_combined, sensor_gps};
+pub(crate) use px4::{sensor_combined, sensor_gps, vehicle_magnetometer};
 pub(crate) use ublox::{nav_pvt, nav_rel_pos_ned};
 
 use nalgebra::{Matrix3, Vector3};

@@ -75,6 +75,20 @@ pub(crate) fn sensor_gps<'a>(fields: &mut Fields<'a>) -> Result<Content<'a>, Dec
     })
 }
 
+/// One gauss in tesla.
+const GAUSS: f64 = 1e-4;
+
+/// `px4_msgs/VehicleMagnetometer`: field in gauss.
+pub(crate) fn vehicle_magnetometer<'a>(
+    fields: &mut Fields<'a>,
+) -> Result<Content<'a>, DecodeError> {
+    let field: [f64; 3] = fields.f64_array("magnetometer_ga")?;
+    Ok(Content {
+        field: Some((Vector3::from(field) * GAUSS, Axes::Frd)),
+        ..Content::empty(stamp(fields, 0.0)?, "")
+    })
+}
+
 fn stamp(fields: &Fields<'_>, shift_us: f64) -> Result<Stamp, DecodeError> {
     let us = fields
         .integer_at("timestamp")

@@ -6,6 +6,7 @@
 mod diagnostics;
 mod header;
 mod imu;
+mod magnetic_field;
 mod nav_sat_fix;
 mod odometry;
 mod pose;
@@ -19,6 +20,7 @@ mod update;
 pub use diagnostics::{DiagnosticArray, DiagnosticStatus};
 pub use header::Header;
 pub use imu::Imu;
+pub use magnetic_field::MagneticField;
 pub use nav_sat_fix::{CovarianceType, NavSatFix};
 pub use odometry::Odometry;
 pub use pose::{Pose, PoseStamped};

@@ -25,6 +25,11 @@ const DEFINITIONS: &[Definition] = &[
         &[],
     ),
     (
+        "sensor_msgs/msg/MagneticField",
+        "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance\n",
+        &["std_msgs/msg/Header", "geometry_msgs/msg/Vector3"],
+    ),
+    (
         "geometry_msgs/msg/Point",
         "float64 x\nfloat64 y\nfloat64 z\n",
         &[],

@@ -1,6 +1,7 @@
 //! The one loop.
 
 use super::RunError;
+use super::compass::compass;
 use super::doubts::doubts;
 use super::plan::Plan;
 use super::report::{
@@ -128,6 +129,11 @@ impl Plan {
             &tally,
             self.imu_only.is_some(),
             self.config.stationary.mode,
+        ));
+        warnings.extend(compass(
+            tally.totals.alignment.as_ref(),
+            &self.survey,
+            &self.config.alignment,
         ));
         warnings.extend(heading_matters(&tally, self.noise().gyro_bias_sigma));
         warnings.extend(doubts(&tally.aiding(), &tally.totals.resets, &scales));

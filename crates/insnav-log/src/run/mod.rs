@@ -12,6 +12,7 @@
 
 mod alignment;
 mod clocks;
+mod compass;
 mod doubts;
 mod error;
 mod execute;

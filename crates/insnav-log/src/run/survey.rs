@@ -24,6 +24,9 @@ pub struct Survey {
     pub standstills: usize,
     /// Speeds of wheels.
     pub speeds: usize,
+    /// Magnetic fields, and the sum of their lengths, T.
+    pub fields: usize,
+    pub(crate) field_sum: f64,
     /// Speeds of wheels that are NaN or infinite, which nobody gets to see.
     pub speeds_not_finite: u64,
     /// When the first of them was.
@@ -69,6 +72,10 @@ impl Survey {
                 Sample::Standstill(_) => survey.standstills += 1,
                 Sample::Speed(_) => survey.speeds += 1,
                 Sample::Heading(_) => {}
+                Sample::Magnetic(field) => {
+                    survey.fields += 1;
+                    survey.field_sum += field.field_b.norm();
+                }
             }
         }
         let state = samples.state();

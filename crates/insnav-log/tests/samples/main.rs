@@ -6,6 +6,7 @@ mod devices;
 mod encodings;
 mod foreign_bytes;
 mod gnss;
+mod magnetic;
 mod maps;
 mod recorder;
 #[path = "../recordings/mod.rs"]

@@ -57,6 +57,12 @@ impl Startup {
         };
         let course = found
             .or(base.as_ref().map(of_base))
+            .or_else(|| {
+                let level = (&level.q_level, level.tilt_sigma);
+                (ask == Ask::Anything)
+                    .then(|| self.by_magnetometer(&imu, level, &rough_bias))
+                    .flatten()
+            })
             .unwrap_or_else(|| unknown(&tilt));
         self.used_heading = (course.source == HeadingSource::Antenna).then_some(course.at);
         let carried = match base {

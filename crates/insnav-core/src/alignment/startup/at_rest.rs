@@ -41,7 +41,14 @@ impl Startup {
                 if let Some(north) = north.flatten() {
                     return Some(self.from_north(&north, begin, place, &rest));
                 }
-                (0.0, 0.0, HeadingSource::Relative)
+                // A mean rate at rest is bias for the most part, and ten seconds of it turn nothing.
+                let tilt_sigma =
+                    rest.force_sigma.hypot(self.noise.accel_bias_sigma) / STANDARD_GRAVITY;
+                let level = (&from_force(&rest.force_b), tilt_sigma);
+                self.by_magnetometer(&imu, level, &rest.rate_b)
+                    .map_or((0.0, 0.0, HeadingSource::Relative), |course| {
+                        (course.heading, course.sigma, HeadingSource::Magnetic)
+                    })
             }
         };
         if heading_source == HeadingSource::Antenna {

@@ -5,6 +5,7 @@ use crate::alignment::HeadingSource;
 use crate::alignment::antenna::by_antenna;
 use crate::alignment::course::{self, Course, Tilt};
 use crate::alignment::levelling::Level;
+use crate::alignment::magnetic::{Compass, by_magnetometer};
 use crate::alignment::moving_base::{Known, MovingBase, moving_base};
 use crate::alignment::track::{Inertial, Track};
 use crate::attitude::Euler;
@@ -14,6 +15,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// The velocities that told the attitude are used again as measurements: its sigma as a prior is widened so that this counts for
 /// 4 %. More would make a prior of tens of degrees of a heading that is right to one.
 pub(super) const BASE_WIDENING: f64 = 5.0;
+
+/// Standard deviation of the heading of a magnetometer that nobody has calibrated in its vehicle, rad (15°).
+const COMPASS_SIGMA: f64 = 0.262;
 
 /// Which sources may make a start now, beside those that always may: what is given, and antennas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +77,25 @@ impl Startup {
             velocity_floor: self.velocity_floor,
         };
         moving_base(imu, &self.velocities, place, &self.noise, &known)
+    }
+
+    /// The heading by a magnetometer, when nothing better comes any more.
+    pub(super) fn by_magnetometer(
+        &self,
+        imu: &[Inertial],
+        level: (&UnitQuaternion<f64>, f64),
+        gyro_bias: &Vector3<f64>,
+    ) -> Option<Course> {
+        let sigma = self.settings.magnetic_sigma_deg;
+        let compass = Compass {
+            declination: self
+                .settings
+                .declination_deg
+                .unwrap_or_default()
+                .to_radians(),
+            sigma: sigma.map_or(COMPASS_SIGMA, f64::to_radians),
+        };
+        by_magnetometer(&self.fields, imu, level, gyro_bias, &compass)
     }
 
     /// The heading of the settings and its standard deviation, rad.

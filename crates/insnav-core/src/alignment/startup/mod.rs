@@ -11,7 +11,7 @@ use crate::config::{AlignmentConfig, Config, StationaryMode, VehicleKind};
 use crate::earth::Geodetic;
 use crate::error::{Error, Result};
 use crate::imu::ImuNoise;
-use crate::sample::{GnssPosition, GnssVelocity, Heading, Sample};
+use crate::sample::{GnssPosition, GnssVelocity, Heading, MagneticField, Sample};
 use crate::time::Time;
 use heading::Ask;
 use nalgebra::Vector3;
@@ -52,6 +52,7 @@ pub struct Startup {
     positions: Vec<GnssPosition>,
     velocities: Vec<GnssVelocity>,
     headings: Vec<Heading>,
+    fields: Vec<MagneticField>,
     /// The one that made the start, which is not used again.
     used_heading: Option<Time>,
     /// Least standard deviation of a velocity that is believed, m/s.
@@ -94,6 +95,7 @@ impl Startup {
             positions: Vec::new(),
             velocities: Vec::new(),
             headings: Vec::new(),
+            fields: Vec::new(),
             used_heading: None,
             velocity_floor: config.gnss.velocity_sigma_floor_m_per_s,
             judged_headings: 0,
@@ -104,6 +106,10 @@ impl Startup {
 
     /// Keep a sample.
     pub fn push(&mut self, sample: Sample) {
+        if let Sample::Magnetic(field) = sample {
+            self.fields.push(field);
+            return;
+        }
         self.samples.push(sample);
         match sample {
             Sample::GnssPosition(p) => self.positions.push(p),
@@ -119,11 +125,11 @@ impl Startup {
                 *first = sample.time().min(*first);
             }
             Sample::Heading(h) => self.headings.push(h),
-            Sample::Standstill(_) | Sample::Speed(_) => {}
+            Sample::Standstill(_) | Sample::Speed(_) | Sample::Magnetic(_) => {}
         }
     }
 
-    /// Everything kept, in the order of time, but for a heading that made the start.
+    /// Everything kept, in the order of time, but for a heading that made the start and for magnetic fields.
     pub fn into_samples(mut self) -> Vec<Sample> {
         self.sort();
         let used =
@@ -137,6 +143,7 @@ impl Startup {
         self.positions.sort_by_key(|p| p.time);
         self.velocities.sort_by_key(|v| v.time);
         self.headings.sort_by_key(|h| h.time);
+        self.fields.sort_by_key(|f| f.time);
     }
 
     /// A start, if the newest sample has made one possible. Cheap unless it has a chance.
