@@ -304,3 +304,96 @@ fn a_fit_that_ends_above_the_limit_is_refused() {
     };
     assert!((sigma_azimuth_deg - found.sigma()[2].to_degrees()).abs() < 1e-9);
 }
+
+/// Drifts tilt what the gyros carry to the end of a stop: every method without a fit has that in its covariance.
+#[test]
+fn drifts_act_on_coarse_methods_as_their_covariance_says() {
+    let body = Rocking::standing(place(), Euler::from_degrees(5.0, -3.0, 70.0));
+    let exact = body.increments(300.0, 50.0);
+    let size = 5e-7;
+    for method in [
+        AlignmentMethod::Coarse,
+        AlignmentMethod::TwoVector,
+        AlignmentMethod::Gyrocompass,
+    ] {
+        let mut options = options(method);
+        options.noise.gyro_bias_sigma = size;
+        let with = |bias: Vector3<f64>| {
+            let mut errors = RockingErrors::default();
+            errors.constant.gyro_bias = bias;
+            aligned(&errors.apply(&exact, 1), &[(0.0, 300.0)], &options).expect("aligned")
+        };
+        let none = with(Vector3::zeros());
+        let effect = none.covariance.fixed_view::<3, 3>(0, 3) / (size * size);
+        for axis in 0..3 {
+            let mut bias = Vector3::zeros();
+            bias[axis] = size;
+            let moved = log(&(none.q_nb * with(bias).q_nb.inverse()));
+            let said = effect * bias;
+            println!("{method:?} {axis}: {moved:?} {said:?}");
+            // Tilts of up to 1.5e-4 rad, to a twentieth of that; headings of up to 0.014 rad to a fiftieth, as the Earth turns the
+            // stop's axes by 0.02 rad meanwhile.
+            assert!((moved - said).xy().amax() < 8e-6, "{method:?} {axis}");
+            assert!((moved - said).z.abs() < 3e-4, "{method:?} {axis}");
+        }
+    }
+}
+
+/// The scale error of a gyro is one constant: turns the same way add up, there and back cancels, and the sigma says so.
+#[test]
+fn a_scale_error_is_the_same_in_every_turn() {
+    let quarter = PI / 2.0;
+    for (turns, about) in [([quarter, quarter], 2.0), ([quarter, -quarter], 1.0)] {
+        let mut body = body(45.0, Vector3::zeros());
+        body.turns = [200.0, 380.0]
+            .into_iter()
+            .zip(turns)
+            .map(|(begin_s, angle)| BodyTurn {
+                begin_s,
+                duration_s: 20.0,
+                rotation_b: Vector3::z() * angle,
+            })
+            .collect();
+        let stops = [(40.0, 200.0), (220.0, 380.0), (400.0, 560.0)];
+        let exact = body.increments(560.0, 50.0);
+        let scale = 1e-4;
+        for method in [AlignmentMethod::Joint, AlignmentMethod::Kalman] {
+            let with = |sigma: f64, scale: f64| {
+                let mut options = options(method);
+                options.gyro_scale_sigma = sigma;
+                let mut errors = RockingErrors::default();
+                errors.constant.gyro_scale = Vector3::z() * scale;
+                aligned(&errors.apply(&exact, 1), &stops, &options).expect("aligned")
+            };
+            // What the scale error does, against what the same fit says that it may do.
+            let (none, done) = (with(scale, 0.0), with(scale, scale));
+            let moved = log(&(done.q_nb * none.q_nb.inverse())).z.abs();
+            let own = with(0.0, 0.0).covariance[(2, 2)];
+            let said = (none.covariance[(2, 2)] - own).sqrt();
+            println!("{method:?} {about}: {moved:.2e} {said:.2e}");
+            if method == AlignmentMethod::Joint {
+                // The regression does not weigh by it: the same to its linearisation.
+                assert!((moved / said - 1.0).abs() < 0.05, "{moved} {said}");
+            } else {
+                assert!((0.8..1.25).contains(&(moved / said)), "{moved} {said}");
+            }
+        }
+    }
+}
+
+/// A bias that wanders goes back to zero: after many of its correlation times it is as large as at the begin, not larger.
+#[test]
+fn a_wandering_bias_stays_as_large_as_it_is() {
+    let body = body(45.0, Vector3::zeros());
+    let samples = body.increments(200.0, 50.0);
+    for method in [AlignmentMethod::Joint, AlignmentMethod::Kalman] {
+        let mut options = options(method);
+        options.noise.gyro_bias_tau = 10.0;
+        let found = aligned(&samples, &[(0.0, 200.0)], &options).expect("aligned");
+        let ratio = found.sigma()[5] / options.noise.gyro_bias_sigma;
+        println!("{method:?}: {ratio:.2}");
+        // The bias at the end, less a mean over the stop that says little of it: √(1 + 2τ/T) at most. A random walk of the
+        // same density would have come to √(2T/τ) = 6 times.
+        assert!((0.5..1.2).contains(&ratio), "{method:?} {ratio}");
+    }
+}

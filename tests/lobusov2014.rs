@@ -448,7 +448,8 @@ fn a_small_turn_is_not_silent() {
     let rate = found.stops[0].sigma_rate.x;
     let ratio = found.sigma()[3].max(found.sigma()[4]) / rate;
     println!("sigma of the drift / sigma of a level rate: {ratio:.1}");
-    assert!((9.0..17.0).contains(&ratio), "{ratio}");
+    // The six-equation fit at 5°: 12.0 times, by arithmetic.
+    assert!((11.5..12.5).contains(&ratio), "{ratio}");
     let half = run(&half_turn(), &errors, &options).expect("aligned");
     assert!(half.sigma()[3] / rate < 1.0);
 }

@@ -345,6 +345,7 @@ impl Pass {
             sum += gain * gain.transpose() * (error * error);
         }
 
+        let mut by_scale = SMatrix::<f64, R, 3>::zeros();
         let last = self.steps.len();
         let mut stop = self.stops.len();
         for k in (0..=last).rev() {
@@ -365,9 +366,8 @@ impl Pass {
                 if node == standing.span.begin {
                     adjoint.fixed_columns_mut::<2>(3).fill(0.0);
                     if stop > 0 {
-                        let turn = problem.turn_before(stop, &self.run);
-                        let through = adjoint.fixed_columns::<3>(0) * turn;
-                        sum += through * through.transpose() * problem.gyro_scale_sigma.powi(2);
+                        let turn = problem.turn_by_scale(stop, &self.run);
+                        by_scale += adjoint.fixed_columns::<3>(0) * turn;
                     }
                 }
             }
@@ -394,9 +394,16 @@ impl Pass {
                 &accel,
                 drift(noise.accel_bias_sigma, noise.accel_bias_tau) * dt,
             );
+            // A bias goes back to zero as it wanders: so much of it is left of the one a node before.
+            let left = [noise.gyro_bias_tau, noise.accel_bias_tau].map(|tau| (-dt / tau).exp());
+            let mut gyro = on_biases.fixed_columns_mut::<3>(0);
+            gyro *= left[0];
+            let mut accel = on_biases.fixed_columns_mut::<3>(3);
+            accel *= left[1];
             on_biases += adjoint * step.inputs;
             adjoint = before;
         }
+        add(&mut sum, &by_scale, problem.gyro_scale_sigma.powi(2));
         on_biases += told.begin.fixed_columns::<INPUTS>(3);
         if let Some(prior) = &problem.prior {
             let mut sensitivity = SMatrix::<f64, R, GLOBAL>::zeros();

@@ -8,7 +8,7 @@ use super::joint::{GLOBAL, steps};
 use super::problem::Problem;
 use super::standing::{Standing, Taper};
 use crate::attitude::{Euler, exp, wrap_angle};
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 const N: usize = STATES + INPUTS + 1;
 /// How much the heading error has grown since the stop's begin: a state of its own, as the difference of two headings that are
@@ -50,6 +50,8 @@ pub(super) struct Filtered {
 struct Filter {
     x: State,
     p: Covariance,
+    /// Covariance with the gyros' scale errors, which are considered and not estimated.
+    with_scale: SMatrix<f64, N, 3>,
     begin: Option<Begin>,
     nis: f64,
     dof: usize,
@@ -99,6 +101,16 @@ impl Filter {
         // Joseph's form.
         let a = Covariance::identity() - k * h.transpose();
         self.p = a * self.p * a.transpose() + k * k.transpose() * (sigma * sigma);
+        self.with_scale = a * self.with_scale;
+    }
+
+    /// A turn that scale errors of this sigma have made wrong: constants, the same in every turn.
+    fn turned(&mut self, by_scale: &Matrix3<f64>, sigma: f64) {
+        let mut effect = SMatrix::<f64, N, 3>::zeros();
+        effect.fixed_view_mut::<3, 3>(0, 0).copy_from(&-by_scale);
+        let shared = effect * self.with_scale.transpose();
+        self.p += shared + shared.transpose() + effect * effect.transpose() * (sigma * sigma);
+        self.with_scale += effect * (sigma * sigma);
     }
 
     /// A stop begins: its velocity is unknown, and its heading error has not grown.
@@ -108,8 +120,10 @@ impl Filter {
             self.p.row_mut(i).fill(0.0);
             self.p.column_mut(i).fill(0.0);
             self.p[(i, i)] = FLAT_VELOCITY * FLAT_VELOCITY;
+            self.with_scale.row_mut(i).fill(0.0);
         }
         self.x[GROWN] = 0.0;
+        self.with_scale.row_mut(GROWN).fill(0.0);
         self.p.row_mut(GROWN).fill(0.0);
         self.p.column_mut(GROWN).fill(0.0);
         if let Some(begin) = &mut self.begin {
@@ -140,6 +154,7 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
     let mut filter = Filter {
         x: State::zeros(),
         p: Covariance::zeros(),
+        with_scale: SMatrix::zeros(),
         begin: problem.prior.map(|prior| Begin::new(&prior.covariance)),
         nis: 0.0,
         dof: 0,
@@ -177,9 +192,8 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
             let since = node - standing.span.begin;
             if since == 0 {
                 if stop > 0 {
-                    let turn = problem.turn_before(stop, &run) * problem.gyro_scale_sigma;
-                    let mut attitude = filter.p.fixed_view_mut::<3, 3>(0, 0);
-                    attitude += turn * turn.transpose();
+                    let by_scale = problem.turn_by_scale(stop, &run);
+                    filter.turned(&by_scale, problem.gyro_scale_sigma);
                 }
                 filter.arrive();
             }
@@ -213,10 +227,21 @@ pub(super) fn filter(problem: &Problem<'_>, start: &Start) -> Filtered {
         let growth = transition.row(2) - unit(2).transpose();
         transition.set_row(GROWN, &growth);
         transition[(GROWN, GROWN)] = 1.0;
+        // Biases go back to zero as they wander, and the start has a part of them.
+        let left = [noise.gyro_bias_tau, noise.accel_bias_tau].map(|tau| (-dt / tau).exp());
+        for i in 0..3 {
+            transition[(STATES + i, STATES + i)] = left[0];
+            transition[(ACCEL + i, ACCEL + i)] = left[1];
+        }
         if let Some(begin) = &mut filter.begin {
             begin.cross *= transition.transpose();
         }
+        filter.with_scale = transition * filter.with_scale;
         filter.x = transition * filter.x;
+        for i in 0..3 {
+            filter.x[STATES + i] += (left[0] - 1.0) * start.gyro_bias[i];
+            filter.x[ACCEL + i] += (left[1] - 1.0) * start.accel_bias[i];
+        }
         filter.p = transition * filter.p * transition.transpose();
         for i in 0..3 {
             filter.p[(i, i)] += noise.gyro_white.powi(2) * dt;

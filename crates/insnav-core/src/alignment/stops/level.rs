@@ -89,7 +89,7 @@ pub(super) fn level(
     let q_nb = exp(&Vector3::new(0.0, 0.0, told)) * from_force(&force_b);
     let axes = q_nb.inverse().to_rotation_matrix().into_inner();
     let horizontal = place.horizontal_rate();
-    let mut covariance = covariance(&q_nb, place, noise, length, None);
+    let mut covariance = covariance(&q_nb, place, noise, length, None, [0.0; 2]);
     let drift = 2.0 * noise.gyro_bias_sigma.powi(2) / noise.gyro_bias_tau * length / 3.0;
     let mut gyro = Matrix3::identity() * (noise.gyro_white.powi(2) / length + drift);
     covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
@@ -120,13 +120,15 @@ pub(super) fn level(
 }
 
 /// Covariance of an attitude that was found with biases left in: tilt from the accelerometers' bias, heading from the gyros'
-/// along east and from the tilt; with `rate_variance` `None` the heading is unknown.
+/// along east and from the tilt; with `rate_variance` `None` the heading is unknown. The gyros have carried tilt and heading from where
+/// they were found for so many seconds, with their bias.
 pub(super) fn covariance(
     q_nb: &UnitQuaternion<f64>,
     place: &Place,
     noise: &ImuNoise,
     length: f64,
     rate_variance: Option<f64>,
+    [tilted, turned]: [f64; 2],
 ) -> SMatrix<f64, GLOBAL, GLOBAL> {
     let axes = q_nb.to_rotation_matrix().into_inner();
     let g = place.gravity;
@@ -152,6 +154,9 @@ pub(super) fn covariance(
         }
         None => own[(2, 2)] = PI * PI / 3.0,
     }
+    // Computed axes turn by C b_g too fast; about east, the heading that follows from that drift takes it back.
+    let mut carried = map.fixed_view_mut::<3, 3>(0, 0);
+    carried -= Matrix3::from_diagonal(&Vector3::new(tilted, 0.0, turned)) * axes;
     let mut biases = SMatrix::<f64, 6, 6>::zeros();
     for i in 0..3 {
         biases[(i, i)] = noise.gyro_bias_sigma.powi(2);

@@ -6,7 +6,7 @@ use super::place::Place;
 use super::record::{Record, Span};
 use crate::attitude::log;
 use crate::imu::ImuNoise;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::vec::Vec;
 
 /// Normal gravity differs from gravity by so much, m/s² (30 mGal).
@@ -76,10 +76,15 @@ impl Problem<'_> {
         }
     }
 
-    /// Rotation vector between the stop before `stop` and that stop, n, rad.
-    pub(super) fn turn_before(&self, stop: usize, run: &FreeRun) -> Vector3<f64> {
-        let before = run.q_nb[run.at(self.spans[stop - 1].end)];
-        let after = run.q_nb[run.at(self.spans[stop].begin)];
-        log(&(after * before.inverse()))
+    /// What scale errors of the three gyros make of the attitude between the stop before `stop` and that stop: rotation, n, rad per
+    /// unit of scale. A turn there and back makes nothing, two turns the same way twice as much.
+    pub(super) fn turn_by_scale(&self, stop: usize, run: &FreeRun) -> Matrix3<f64> {
+        let between = self.spans[stop - 1].end..self.spans[stop].begin;
+        between
+            .map(|k| {
+                let turn = log(&self.record.nodes[k].rotation);
+                run.axes_n[run.at(k)] * Matrix3::from_diagonal(&turn)
+            })
+            .sum()
     }
 }

@@ -91,7 +91,16 @@ impl Task<'_> {
         let length = share * self.length(span);
         let rate_variance = 10.0 / 7.0 * noise.gyro_white.powi(2) / length
             + 120.0 / 7.0 * (noise.accel_white / self.place.gravity).powi(2) / length.powi(3);
-        let covariance = level::covariance(&q_nb, &self.place, noise, length, Some(rate_variance));
+        // Where the attitude was found: in the middle of all stretches, at the begin, or by the loop, which holds level and averages
+        // the heading over the second half.
+        let carried = match method {
+            AlignmentMethod::TwoVector => [length; 2],
+            AlignmentMethod::Coarse => [0.5 * length; 2],
+            _ => [0.0, 0.5 * length],
+        };
+        let place = &self.place;
+        let covariance =
+            level::covariance(&q_nb, place, noise, length, Some(rate_variance), carried);
         Ok(self.result(
             method,
             "asked for".to_string(),
