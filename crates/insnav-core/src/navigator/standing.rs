@@ -308,6 +308,7 @@ impl Standing {
             (stop.mode, outcome) = self.enter(filter, sink);
             stop.record.mode = stop.mode;
         }
+        #[cfg(feature = "std")]
         let anew = stop.record.mode == StationaryMode::Batch;
         self.stop = Some(stop);
         #[cfg(feature = "std")]

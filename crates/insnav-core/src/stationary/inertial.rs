@@ -10,6 +10,8 @@ use super::tone::ToneWindow;
 use super::window::{Moments, PARTS, Window};
 use super::{Belief, are, glrt, mag, mv};
 use crate::config::DetectorKind;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 

@@ -161,7 +161,7 @@ fn a_run_that_learns_no_heading_starts_by_the_magnetometer() {
     let path = folder.path().join("a.mcap");
     standing(&path, 1.0);
     let report = run(&path, &Config::default(), ReadOptions::default());
-    let start = report.alignment.clone().unwrap();
+    let start = report.alignment.unwrap();
     assert_eq!(start.heading_source, HeadingSource::Magnetic);
     // Exact but for the declination and for the tilt by the biases of the accelerometers, which the dip makes more of.
     let off = start.heading_deg - (HEADING_DEG - DECLINATION_DEG);
@@ -174,7 +174,7 @@ fn a_run_that_learns_no_heading_starts_by_the_magnetometer() {
     config.alignment.declination_deg = Some(DECLINATION_DEG);
     config.alignment.magnetic_sigma_deg = Some(3.0);
     let told = run(&path, &config, ReadOptions::default());
-    let turned = told.alignment.clone().unwrap();
+    let turned = told.alignment.unwrap();
     assert!((turned.heading_deg - start.heading_deg - DECLINATION_DEG).abs() < 1e-9);
     assert!(
         turned.sigma_heading_deg < start.sigma_heading_deg && !warned(&told, "declination_unknown")

@@ -39,7 +39,7 @@ impl Startup {
             None => {
                 let north = self.place_is_told.then(|| self.north(&place, &rest));
                 if let Some(north) = north.flatten() {
-                    return Some(self.from_north(&north, begin, place, &rest));
+                    return Some(self.with_north(&north, begin, place, &rest));
                 }
                 // A mean rate at rest is bias for the most part, and ten seconds of it turn nothing.
                 let tilt_sigma =
@@ -97,7 +97,7 @@ impl Startup {
     }
 
     /// With north from the gyros. Their biases are left at zero: what rest shows of them is told to the filter with the heading.
-    fn from_north(&self, north: &North, begin: Time, place: Geodetic, rest: &Rest) -> Alignment {
+    fn with_north(&self, north: &North, begin: Time, place: Geodetic, rest: &Rest) -> Alignment {
         Alignment {
             nav: NavState {
                 time: begin,
