@@ -44,7 +44,8 @@ struct Lobusov2014 {
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
 
-    /// Draw drifts, attitude and Schuler oscillation before and after compensation (figures 1–4), SVG
+    /// Draw drifts, attitude and Schuler oscillation before and after compensation (figures 1–4), and our own rocking stop in place of
+    /// figure 5, SVG
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// Values against time, side by side.
+/// Values against time, three side by side and the next below.
 pub(super) struct Figure {
     pub(super) title: String,
     pub(super) about: &'static str,
@@ -28,6 +28,7 @@ const COLOURS: [&str; 6] = [
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
 ];
 const PANEL_WIDTH: f64 = 460.0;
+const PER_ROW: usize = 3;
 const HEIGHT: f64 = 420.0;
 const LEFT: f64 = 60.0;
 const TOP: f64 = 84.0;
@@ -37,9 +38,13 @@ const BOTTOM: f64 = 52.0;
 impl Figure {
     /// The document.
     pub(super) fn svg(&self) -> String {
-        let width = PANEL_WIDTH * self.panels.len() as f64;
+        let width = PANEL_WIDTH * self.panels.len().min(PER_ROW) as f64;
+        // The first row is lower by what stands above it.
+        let row_height = HEIGHT - TOP + 40.0;
+        let rows = self.panels.len().div_ceil(PER_ROW).max(1);
+        let height = HEIGHT + row_height * (rows - 1) as f64;
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" width=\"{width}\" height=\"{HEIGHT}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
              font-family=\"sans-serif\" font-size=\"12\">\n<title>{}</title>\n<desc>{}</desc>\n\
              <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
              <text x=\"{LEFT}\" y=\"24\" font-size=\"15\">{}</text>\n<text x=\"{LEFT}\" y=\"42\" fill=\"#555\">{}</text>\n",
@@ -50,7 +55,14 @@ impl Figure {
         );
         let mut drawn = 0;
         for (i, panel) in self.panels.iter().enumerate() {
-            panel.draw(&mut out, PANEL_WIDTH * i as f64, drawn);
+            let (row, column) = (i / PER_ROW, i % PER_ROW);
+            let _ = writeln!(
+                out,
+                "<g transform=\"translate(0 {})\">",
+                row_height * row as f64
+            );
+            panel.draw(&mut out, PANEL_WIDTH * column as f64, drawn);
+            out.push_str("</g>\n");
             drawn += panel.series.len();
         }
         out.push_str("</svg>\n");

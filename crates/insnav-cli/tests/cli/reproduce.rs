@@ -270,6 +270,7 @@ fn drifts_of_lobusov2014_come_out_and_its_figures_are_drawn() {
             ("quantised", 0.2, 0.05),
             ("accel_bias", 0.01, 0.005),
             ("zupt2", 0.01, 0.001),
+            ("four_positions", 0.01, 0.005),
         ] {
             let case = format!("{case}_{suffix}");
             let error = ours(&case, "joint", "drift_error_percent");
@@ -303,4 +304,5 @@ fn drifts_of_lobusov2014_come_out_and_its_figures_are_drawn() {
     }
     let svg = std::fs::read_to_string(&plot).unwrap();
     assert!(svg.ends_with("</svg>\n") && svg.contains("Schuler") && !svg.contains("NaN"));
+    assert!(svg.contains("5c: error of the drift"));
 }

@@ -26,6 +26,13 @@ const UG: f64 = 1e-6 * STANDARD_GRAVITY;
 const RATE_HZ: f64 = 200.0;
 /// Both stops, s.
 const STOPS: [[f64; 2]; 2] = [[40.0, 200.0], [220.0, 380.0]];
+/// Four shorter ones, a quarter turn apart, s.
+const FOUR_STOPS: [[f64; 2]; 4] = [
+    [40.0, 120.0],
+    [140.0, 220.0],
+    [240.0, 320.0],
+    [340.0, 420.0],
+];
 /// Free run after the last stop, s.
 const HOUR: f64 = 3600.0;
 /// A drift, rad/s.
@@ -51,6 +58,10 @@ pub enum DriftCase {
     Zupt2,
     /// An hour of free run after the stops.
     FreeRun,
+    /// Still, without noise, 50 µg of accelerometer bias, four stops of 80 s a quarter turn apart.
+    FourPositions,
+    /// The same with the noise, drifts and biases of `RealisticNoise`.
+    FourPositionsNoise,
 }
 
 /// Which estimator.
@@ -80,6 +91,8 @@ pub struct DriftErrors {
     pub azimuth_sigma: f64,
     /// Largest horizontal velocity in an hour of free run, m/s, where one was made.
     pub velocity_max: Option<f64>,
+    /// Largest change of its heading error, rad, likewise.
+    pub yaw_max: Option<f64>,
 }
 
 /// One point of the paper's figures.
@@ -95,9 +108,23 @@ pub struct DriftPoint {
     pub velocity_n: [f64; 2],
 }
 
+/// One point of our own rocking stop, in place of the paper's figure 5.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SwayPoint {
+    /// Seconds since the begin.
+    pub time_s: f64,
+    /// Roll and pitch, rad.
+    pub level: [f64; 2],
+    /// Velocity of the unit as it swings, north and east, m/s.
+    pub velocity_n: [f64; 2],
+    /// Largest component of the drift's error by ZUPT-2 with the data so far, with the taper and without, rad/s; NaN until the stop
+    /// is long enough, and where the method refuses.
+    pub drift_error: [f64; 2],
+}
+
 impl DriftCase {
     /// All, in the order of the table.
-    pub const ALL: [DriftCase; 7] = [
+    pub const ALL: [DriftCase; 9] = [
         DriftCase::StaticNoiseFree,
         DriftCase::SwayNoiseFree,
         DriftCase::Quantised,
@@ -105,11 +132,16 @@ impl DriftCase {
         DriftCase::RealisticNoise,
         DriftCase::Zupt2,
         DriftCase::FreeRun,
+        DriftCase::FourPositions,
+        DriftCase::FourPositionsNoise,
     ];
 
     /// Whether chance enters.
     pub fn is_random(self) -> bool {
-        self == DriftCase::RealisticNoise
+        matches!(
+            self,
+            DriftCase::RealisticNoise | DriftCase::FourPositionsNoise
+        )
     }
 
     /// The estimators that are compared.
@@ -119,7 +151,19 @@ impl DriftCase {
             // Its prior pulls a drift of one sigma by some per cent: without noise it has nothing to show.
             DriftCase::RealisticNoise => &[Paper, Joint, Kalman],
             DriftCase::FreeRun => &[None, Paper, Joint],
+            // The paper's equations are of two positions.
+            DriftCase::FourPositions => &[Joint],
+            DriftCase::FourPositionsNoise => &[Joint, Kalman],
             _ => &[Paper, Joint],
+        }
+    }
+
+    /// Begin and end of its stops, s.
+    fn stops(self) -> &'static [[f64; 2]] {
+        match self {
+            DriftCase::Zupt2 => &STOPS[..1],
+            DriftCase::FourPositions | DriftCase::FourPositionsNoise => &FOUR_STOPS,
+            _ => &STOPS,
         }
     }
 }
@@ -141,27 +185,21 @@ impl DriftTrial {
             Geodetic::from_degrees(60.0, 30.0, 0.0),
             Euler::from_degrees(0.0, 0.0, AZIMUTH_DEG),
         );
-        if case != DriftCase::Zupt2 {
+        let stops = case.stops();
+        for pair in stops.windows(2) {
             body.turns.push(BodyTurn {
-                begin_s: STOPS[0][1],
-                duration_s: STOPS[1][0] - STOPS[0][1],
-                rotation_b: Vector3::z() * PI,
+                begin_s: pair[0][1],
+                duration_s: pair[1][0] - pair[0][1],
+                rotation_b: Vector3::z() * (2.0 * PI / stops.len() as f64),
             });
         }
         if case == DriftCase::SwayNoiseFree {
-            let tone = |axis, period_s, phase| RockingTone {
-                axis,
-                amplitude: 0.04,
-                period_s,
-                phase,
-            };
-            body.tones = std::vec![tone(0, 7.0, 0.3), tone(1, 11.0, 1.0)];
-            body.lever_b = Vector3::new(0.5, 0.5, -1.0);
+            rock(&mut body);
         }
+        let end = stops[stops.len() - 1][1];
         let length = match case {
-            DriftCase::Zupt2 => STOPS[0][1],
-            DriftCase::FreeRun => STOPS[1][1] + HOUR,
-            _ => STOPS[1][1],
+            DriftCase::FreeRun => end + HOUR,
+            _ => end,
         };
         DriftTrial {
             case,
@@ -205,10 +243,12 @@ impl DriftTrial {
             ..RockingErrors::default()
         };
         match self.case {
-            DriftCase::SwayNoiseFree => errors.constant.accel_bias = Vector3::repeat(50.0 * UG),
+            DriftCase::SwayNoiseFree | DriftCase::FourPositions => {
+                errors.constant.accel_bias = Vector3::repeat(50.0 * UG);
+            }
             DriftCase::AccelBias => errors.constant.accel_bias = Vector3::repeat(500.0 * UG),
             DriftCase::Quantised => errors.quantum = [1f64.to_radians() / 3600.0, 1e-3],
-            DriftCase::RealisticNoise => {
+            DriftCase::RealisticNoise | DriftCase::FourPositionsNoise => {
                 let noise = Self::noise();
                 let mut source = super::Source::new(seed, super::Stream::Initial);
                 errors.constant.gyro_bias = source.normal3() * noise.gyro_bias_sigma;
@@ -248,10 +288,7 @@ impl DriftTrial {
             end: Time::from_seconds(end),
         };
         let one = self.case == DriftCase::Zupt2;
-        let mut stops = std::vec![window(STOPS[0])];
-        if !one {
-            stops.push(window(STOPS[1]));
-        }
+        let stops: Vec<StopWindow> = self.case.stops().iter().copied().map(window).collect();
         let mut options = AlignmentOptions::new(self.body.position, Self::noise());
         options.gyro_scale_sigma = 0.0;
         if one {
@@ -279,8 +316,7 @@ impl DriftTrial {
         } else {
             align(record, &stops, &options)?
         };
-        let velocity_max =
-            (self.case == DriftCase::FreeRun).then(|| self.free_run(&found, increments));
+        let free = (self.case == DriftCase::FreeRun).then(|| self.free_run(&found, increments));
         let sigma = found.sigma();
         let truth_nb = self.body.attitude_at(found.at.seconds());
         Ok(DriftErrors {
@@ -288,22 +324,28 @@ impl DriftTrial {
             drift_sigma: Vector3::new(sigma[3], sigma[4], sigma[5]),
             azimuth: log(&(found.q_nb * truth_nb.inverse())).z,
             azimuth_sigma: sigma[2],
-            velocity_max,
+            velocity_max: free.map(|f| f[0]),
+            yaw_max: free.map(|f| f[1]),
         })
     }
 
-    /// Largest horizontal velocity of a free run, the height held, with what was found taken out.
-    fn free_run(&self, found: &AlignmentResult, increments: &[Increment]) -> f64 {
+    /// Largest horizontal velocity and largest change of the heading error in a free run, the height held, with what was found
+    /// taken out.
+    fn free_run(&self, found: &AlignmentResult, increments: &[Increment]) -> [f64; 2] {
         let corrections = ImuErrors {
             gyro_bias: found.gyro_bias,
             accel_bias: found.accel_bias,
             ..ImuErrors::default()
         };
         let mut nav = self.at_rest(found.at, found.q_nb);
-        let mut largest = 0f64;
+        let stands = self.body.attitude_at(found.at.seconds()).inverse();
+        let heading = |nav: &NavState| log(&(nav.q_nb * stands)).z;
+        let begin = heading(&nav);
+        let mut largest = [0f64; 2];
         for increment in increments.iter().filter(|i| i.time > found.at) {
             advance(&mut nav, &increment.corrected(&corrections));
-            largest = largest.max(nav.velocity_n.xy().norm());
+            let here = [nav.velocity_n.xy().norm(), (heading(&nav) - begin).abs()];
+            largest = [largest[0].max(here[0]), largest[1].max(here[1])];
         }
         largest
     }
@@ -315,6 +357,50 @@ impl DriftTrial {
             velocity_n: Vector3::zeros(),
             q_nb,
         }
+    }
+
+    /// A rocking stop without noise, as that of `SwayNoiseFree` in one position with its azimuth known: how the body moves, and what
+    /// ZUPT-2 makes of the data so far. A point each half second.
+    pub fn sway_figure(east: bool) -> Vec<SwayPoint> {
+        let mut trial = DriftTrial::new(DriftCase::Zupt2, east);
+        rock(&mut trial.body);
+        trial.exact = trial.body.increments(STOPS[0][1], RATE_HZ);
+        let mut errors = trial.errors(0);
+        errors.constant.accel_bias = Vector3::repeat(50.0 * UG);
+        let increments = to_increments(&errors.apply(&trial.exact, 0));
+        let record = Record::new(increments.iter().copied());
+        let mut options = AlignmentOptions::new(trial.body.position, Self::noise());
+        options.method = AlignmentMethod::Zupt2;
+        options.heading = Some((AZIMUTH_DEG.to_radians(), 1e-9));
+        options.gyro_scale_sigma = 0.0;
+        let begin = STOPS[0][0];
+        (0..=(2.0 * STOPS[0][1]) as u32)
+            .map(|i| {
+                let t = 0.5 * f64::from(i);
+                let stop = StopWindow {
+                    begin: Time::from_seconds(begin),
+                    end: Time::from_seconds(t),
+                };
+                let miss = |taper| {
+                    if t < begin + 40.0 {
+                        return f64::NAN;
+                    }
+                    let mut options = options;
+                    options.taper = Some(taper);
+                    align(&record, &[stop], &options).map_or(f64::NAN, |found| {
+                        (found.gyro_bias - errors.constant.gyro_bias).amax()
+                    })
+                };
+                let level = Euler::from_quaternion(&trial.body.attitude_at(t));
+                let swing = trial.body.swing_at(t);
+                SwayPoint {
+                    time_s: t,
+                    level: [level.roll, level.pitch],
+                    velocity_n: [swing.x, swing.y],
+                    drift_error: [miss(Taper::HannSquared), miss(Taper::None)],
+                }
+            })
+            .collect()
     }
 
     /// The paper's figures 1–4 in one position without a turn: drifts by ZUPT-2 from 40 s on with the data so far, and a free run
@@ -378,6 +464,18 @@ impl DriftTrial {
         }
         Ok(points)
     }
+}
+
+/// Roll and pitch of 0.04 rad, the unit beside what they are about.
+fn rock(body: &mut Rocking) {
+    let tone = |axis, period_s, phase| RockingTone {
+        axis,
+        amplitude: 0.04,
+        period_s,
+        phase,
+    };
+    body.tones = std::vec![tone(0, 7.0, 0.3), tone(1, 11.0, 1.0)];
+    body.lever_b = Vector3::new(0.5, 0.5, -1.0);
 }
 
 /// One increment on, the height held.

@@ -27,7 +27,7 @@ mod simulation;
 mod stop_trial;
 mod trajectory;
 
-pub use drift_trial::{DriftCase, DriftErrors, DriftPoint, DriftTrial, DriftVariant};
+pub use drift_trial::{DriftCase, DriftErrors, DriftPoint, DriftTrial, DriftVariant, SwayPoint};
 pub use drive::{Body, BodyRocking, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};
 pub use imu::{ImuErrorModel, ImuModel, ImuOutput};

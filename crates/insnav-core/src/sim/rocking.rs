@@ -115,6 +115,11 @@ impl Rocking {
         rate
     }
 
+    /// Velocity of the IMU as it swings, n, m/s.
+    pub fn swing_at(&self, t: f64) -> Vector3<f64> {
+        self.attitude_at(t) * self.rate_at(t).cross(&self.lever_b)
+    }
+
     /// Inertial rate and specific force at the IMU, body axes.
     fn sensed(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
         let q = self.attitude_at(t);
@@ -274,7 +279,7 @@ mod tests {
     fn increments_move_a_mechanization_as_the_body_moves() {
         let body = rocking();
         let samples = body.increments(60.0, 200.0);
-        let swing = |t: f64| body.attitude_at(t) * body.rate_at(t).cross(&body.lever_b);
+        let swing = |t: f64| body.swing_at(t);
         let mut nav = NavState {
             time: Time(0),
             position: body.position,
