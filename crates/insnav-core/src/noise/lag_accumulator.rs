@@ -1,5 +1,7 @@
 //! Lag covariances of innovations as they come.
 
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{SMatrix, SVector};
 
 /// Sums of products νₖ₊ⱼ νₖᵀ for the lags j = 0 … `J` − 1 of an innovation of `P` components, one sample at a time.
@@ -26,9 +28,57 @@ pub struct LagAccumulator<const P: usize, const J: usize> {
     /// Sums of ν(k+j)[a] ν(k)[b], at `[b][a][j]`.
     sums: [[[f64; J]; P]; P],
     /// Sums of the weights of these products, and of their squares.
-    weights: [f64; J],
-    squares: [f64; J],
+    weights: Weights<J>,
+    squares: Weights<J>,
     retention: f64,
+}
+
+/// A sum of weights for each lag. All samples but the first ones of a run count at all lags alike: one number does for them.
+#[derive(Clone, Debug, PartialEq)]
+struct Weights<const J: usize> {
+    /// Of samples with all lags before them.
+    common: f64,
+    /// Of others, by lag, in units of `scale`.
+    begins: [f64; J],
+    scale: f64,
+}
+
+impl<const J: usize> Weights<J> {
+    fn new() -> Self {
+        Weights {
+            common: 0.0,
+            begins: [0.0; J],
+            scale: 1.0,
+        }
+    }
+
+    /// A sample that has `filled` lags, itself among them; what was there is worth `retention` of it now.
+    fn push(&mut self, filled: usize, retention: f64) {
+        self.common *= retention;
+        self.scale *= retention;
+        if filled == J {
+            self.common += 1.0;
+            return;
+        }
+        // The unit back to one, before it is too small to divide by. Lags that reach before the run began have products with
+        // zero: they count for nothing.
+        for (lag, weight) in self.begins.iter_mut().enumerate() {
+            *weight = *weight * self.scale + f64::from(u8::from(lag < filled));
+        }
+        self.scale = 1.0;
+    }
+
+    fn at(&self, lag: usize) -> f64 {
+        self.common + self.begins[lag] * self.scale
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.common += other.common;
+        for (lag, weight) in self.begins.iter_mut().enumerate() {
+            *weight = *weight * self.scale + other.begins[lag] * other.scale;
+        }
+        self.scale = 1.0;
+    }
 }
 
 impl<const P: usize, const J: usize> LagAccumulator<P, J> {
@@ -44,8 +94,8 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
             history: [[0.0; J]; P],
             filled: 0,
             sums: [[[0.0; J]; P]; P],
-            weights: [0.0; J],
-            squares: [0.0; J],
+            weights: Weights::new(),
+            squares: Weights::new(),
             retention: retention.clamp(0.0, 1.0),
         }
     }
@@ -61,7 +111,7 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
             axis[0] = *value;
         }
         self.filled = (self.filled + 1).min(J);
-        let (w, w2) = (self.retention, self.retention * self.retention);
+        let w = self.retention;
         for (older, sums) in self.history.iter().zip(&mut self.sums) {
             for (newest, sums) in innovation.iter().zip(sums) {
                 for (sum, value) in sums.iter_mut().zip(older) {
@@ -69,20 +119,8 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
                 }
             }
         }
-        for weight in &mut self.weights {
-            *weight *= w;
-        }
-        for square in &mut self.squares {
-            *square *= w2;
-        }
-        // Lags that reach before the run began have products with zero: they count for nothing.
-        for (weight, square) in self.weights[..self.filled]
-            .iter_mut()
-            .zip(&mut self.squares)
-        {
-            *weight += 1.0;
-            *square += 1.0;
-        }
+        self.weights.push(self.filled, w);
+        self.squares.push(self.filled, w * w);
     }
 
     /// The next sample does not follow the last one: a gap, another log, a change of the gain.
@@ -100,22 +138,21 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
                 }
             }
         }
-        for j in 0..J {
-            self.weights[j] += other.weights[j];
-            self.squares[j] += other.squares[j];
-        }
+        self.weights.add(&other.weights);
+        self.squares.add(&other.squares);
     }
 
     /// Ĉⱼ, the mean of νₖ₊ⱼ νₖᵀ, in squared units of the innovation; zero before the first product.
     pub fn covariance(&self, lag: usize) -> SMatrix<f64, P, P> {
-        let weight = self.weights[lag].max(f64::MIN_POSITIVE);
+        let weight = self.weights.at(lag).max(f64::MIN_POSITIVE);
         SMatrix::from_fn(|a, b| self.sums[b][a][lag] / weight)
     }
 
     /// Of how many products of full weight the mean at a lag is as good as: (Σw)² / Σw².
     pub fn count(&self, lag: usize) -> f64 {
-        if self.squares[lag] > 0.0 {
-            self.weights[lag] * self.weights[lag] / self.squares[lag]
+        let squares = self.squares.at(lag);
+        if squares > 0.0 {
+            self.weights.at(lag).powi(2) / squares
         } else {
             0.0
         }
