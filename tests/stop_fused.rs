@@ -143,7 +143,7 @@ impl Case {
         for _ in 0..times {
             let stop = fuse_stop(&record, &self.filter.before_stop(), &noise()).expect("standing");
             assert!(
-                self.filter.pass_stop(&stop, &Settling::default(), 0.02),
+                self.filter.pass_stop(&stop, &Settling::default()),
                 "a covariance with an inverse"
             );
         }
@@ -263,7 +263,7 @@ fn live_updates_and_the_whole_stop_together_promise_too_much() {
         }
         once += case.north_drift_nees() / runs as f64;
         let stop = fuse_stop(&record, &case.filter.before_stop(), &noise()).expect("standing");
-        case.filter.pass_stop(&stop, &Settling::default(), 0.02);
+        case.filter.pass_stop(&stop, &Settling::default());
         both += case.north_drift_nees() / runs as f64;
     }
     println!("NEES of the north drift: live {once:.2}, live and whole {both:.2}");

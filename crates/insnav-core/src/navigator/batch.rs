@@ -3,19 +3,16 @@
 //! While the stop lasts, zero velocities lead the filter; what they taught is thrown away at its end. Both are made of the same
 //! data, and who uses them twice believes them twice.
 
-use crate::alignment::{Record, Refusal, fuse_stop};
+use crate::alignment::{FusedStop, Record, Refusal, fuse_stop};
 use crate::config::StationaryConfig;
 use crate::error::{Error, Result};
 use crate::filter::{Eskf, Settling};
 use crate::imu::ImuNoise;
 use crate::measurement::ZeroVelocityAid;
 use crate::mechanization::Increment;
-use crate::solution::Sink;
 use serde::{Deserialize, Serialize};
 use std::boxed::Box;
 use std::collections::VecDeque;
-
-use super::standing::told;
 
 /// The last of a stop is left out, s: who sets off rocks before anybody sees it.
 const TAIL: f64 = 1.0;
@@ -25,8 +22,10 @@ const PIECE: f64 = 1800.0;
 /// The stop that lasts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Batch {
-    settling: Settling,
+    zero_velocity: ZeroVelocityAid,
+    /// Of the velocity at the begin, before the stop shows it, m/s.
     velocity_sigma: f64,
+    settling: Settling,
     noise: ImuNoise,
     /// The filter at the begin.
     begin: Box<Eskf>,
@@ -49,30 +48,22 @@ pub(super) enum Outcome {
 }
 
 impl Batch {
-    /// Come to rest: one zero velocity, from which everything learns; from then on the data are kept.
-    pub(super) fn enter(
-        config: &StationaryConfig,
-        noise: &ImuNoise,
-        filter: &mut Eskf,
-        sink: &mut impl Sink,
-    ) -> Result<Self> {
-        let zero_velocity = ZeroVelocityAid::new(config);
-        let dt = zero_velocity.interval_for(config.velocity_sigma_m_per_s);
-        told(zero_velocity.observe(dt, filter), sink)?;
-        filter.forget_velocity(config.velocity_sigma_m_per_s);
-        Ok(Batch {
+    /// Come to rest: from here on the data are kept.
+    pub(super) fn enter(config: &StationaryConfig, noise: &ImuNoise, filter: &Eskf) -> Self {
+        Batch {
+            zero_velocity: ZeroVelocityAid::new(config),
+            velocity_sigma: config.velocity_sigma_m_per_s,
             settling: Settling {
                 attitude: 0.0,
                 position: config.position_walk_m_per_sqrt_s,
             },
-            velocity_sigma: config.velocity_sigma_m_per_s,
             noise: config.noise_at_rest(noise),
             begin: Box::new(filter.clone()),
             record: Record::default(),
             tail: VecDeque::new(),
             tail_s: 0.0,
             disturbed: false,
-        })
+        }
     }
 
     /// Keep one raw increment.
@@ -105,20 +96,32 @@ impl Batch {
         if self.disturbed {
             return Ok(Outcome::Disturbed);
         }
-        let mut fused = *self.begin;
-        let stop = match fuse_stop(&self.record, &fused.before_stop(), &self.noise) {
-            Ok(stop) => stop,
+        // How still the body stood is seen first: the zero velocity with which it came to rest is worth as much.
+        let looked = self.look(self.velocity_sigma).and_then(|(_, stop)| {
+            let (mut fused, stop) = self.look(stop.velocity_sigma)?;
+            Ok(fused.pass_stop(&stop, &self.settling).then_some(fused))
+        });
+        let mut fused = match looked {
+            Ok(Some(fused)) => fused,
+            Ok(None) => return Ok(Outcome::Refused(Refusal::NoData)),
             Err(Error::Alignment(refusal)) => return Ok(Outcome::Refused(refusal)),
             Err(error) => return Err(error),
         };
-        if !fused.pass_stop(&stop, &self.settling, self.velocity_sigma) {
-            return Ok(Outcome::Refused(Refusal::NoData));
-        }
         // What has not filled a node, and the tail.
         for raw in self.record.rest().into_iter().chain(self.tail) {
             fused.propagate(&raw);
         }
         *filter = fused;
         Ok(Outcome::Fused)
+    }
+
+    /// The filter as it came to rest with a zero velocity of this sigma, m/s, and what the stop then says.
+    fn look(&self, velocity_sigma: f64) -> Result<(Eskf, FusedStop)> {
+        let mut rested = (*self.begin).clone();
+        let dt = self.zero_velocity.interval_for(velocity_sigma);
+        self.zero_velocity.observe(dt, &mut rested)?;
+        rested.forget_velocity(velocity_sigma);
+        let stop = fuse_stop(&self.record, &rested.before_stop(), &self.noise)?;
+        Ok((rested, stop))
     }
 }

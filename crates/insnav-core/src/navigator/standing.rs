@@ -242,7 +242,7 @@ impl Standing {
             batch: None,
         });
         #[cfg(feature = "std")]
-        let outcome = outcome.and(self.open_batch(filter, sink));
+        self.open_batch(filter);
         outcome
     }
 
@@ -308,13 +308,9 @@ impl Standing {
             (stop.mode, outcome) = self.enter(filter, sink);
             stop.record.mode = stop.mode;
         }
-        #[cfg(feature = "std")]
-        let anew = stop.record.mode == StationaryMode::Batch;
         self.stop = Some(stop);
         #[cfg(feature = "std")]
-        if anew {
-            outcome = outcome.and(self.open_batch(filter, sink));
-        }
+        self.open_batch(filter);
         outcome
     }
 
@@ -360,7 +356,7 @@ impl Standing {
         #[cfg(feature = "std")]
         if stop.batch.as_ref().is_some_and(Batch::is_full) {
             outcome = outcome.and(self.fuse(filter, sink));
-            outcome = outcome.and(self.open_batch(filter, sink));
+            self.open_batch(filter);
         }
         outcome
     }
@@ -471,14 +467,13 @@ impl Standing {
 
     /// Begin to keep what is looked at in the end, in batch mode.
     #[cfg(feature = "std")]
-    fn open_batch(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
-        let Some(stop) = &mut self.stop else {
-            return Ok(());
-        };
-        if stop.mode == StationaryMode::Batch {
-            stop.batch = Some(Batch::enter(&self.config, &self.noise, filter, sink)?);
+    fn open_batch(&mut self, filter: &Eskf) {
+        if let Some(stop) = &mut self.stop
+            && stop.mode == StationaryMode::Batch
+            && stop.batch.is_none()
+        {
+            stop.batch = Some(Batch::enter(&self.config, &self.noise, filter));
         }
-        Ok(())
     }
 
     /// Look at what was kept, in batch mode: a stop that does not bear it has been one of zero velocities.

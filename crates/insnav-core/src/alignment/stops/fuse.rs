@@ -22,6 +22,9 @@ use crate::time::Time;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use std::vec;
 
+/// A body stands still to this, m/s.
+const STILL: f64 = 1e-4;
+
 /// What a filter knows when a stop begins: its estimate, and the covariance of attitude (φ, n), gyro bias and accelerometer bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeforeStop {
@@ -52,6 +55,8 @@ pub struct FusedStop {
     pub accel_bias: Vector3<f64>,
     /// Covariance of the errors at the begin (first nine) and at the end (last nine).
     pub covariance: SMatrix<f64, 18, 18>,
+    /// By how much the velocity scatters about zero, each horizontal axis, m/s: the base rocks, or the unit rounds.
+    pub velocity_sigma: f64,
     /// Weights of the regression that the stop's rocking asked for; `None` on a quiet base, where a Kalman filter is better.
     pub taper: Option<Taper>,
 }
@@ -123,6 +128,7 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
             gyro_bias: filtered.gyro_bias,
             accel_bias: filtered.accel_bias,
             covariance,
+            velocity_sigma: scatter(&plain),
             taper: None,
         });
     }
@@ -148,8 +154,14 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
         gyro_bias: fit.start.gyro_bias,
         accel_bias: fit.start.accel_bias,
         covariance,
+        velocity_sigma: scatter(&fit),
         taper: Some(taper),
     })
+}
+
+/// Of the velocity in the stop, each horizontal axis.
+fn scatter(fit: &Joint) -> f64 {
+    (velocity_rms(&fit.residuals[0]) / core::f64::consts::SQRT_2).hypot(STILL)
 }
 
 fn whole(record: &Record) -> Result<Span> {

@@ -1,0 +1,81 @@
+//! The drive that \[Lobusov14\] means: a navigation-grade unit without a receiver, an hour with a stop every five minutes.
+
+use insnav::sim::{ErrorAt, NavigationDrive, NavigationOutcome, StopUse};
+use std::env;
+
+/// Of one use of the stops over the seeds: rms errors when the first and the last leg end, m and minutes of arc, and mean NEES of
+/// the horizontal position over all legs, per component.
+#[derive(Debug)]
+struct Row {
+    first_m: f64,
+    last_m: f64,
+    heading_arcmin: f64,
+    nees: f64,
+}
+
+fn row(outcomes: &[NavigationOutcome]) -> Row {
+    let runs = outcomes.len() as f64;
+    let rms = |of: &dyn Fn(&[ErrorAt]) -> f64| {
+        let squares: f64 = outcomes.iter().map(|o| of(&o.legs).powi(2)).sum();
+        (squares / runs).sqrt()
+    };
+    let legs = outcomes[0].legs.len() as f64;
+    let all = outcomes.iter().flat_map(|o| &o.legs);
+    Row {
+        first_m: rms(&|legs| legs[0].horizontal_m),
+        last_m: rms(&|legs| legs[legs.len() - 1].horizontal_m),
+        heading_arcmin: rms(&|legs| legs[legs.len() - 1].heading.to_degrees() * 60.0),
+        nees: all.map(|leg| leg.horizontal_nees).sum::<f64>() / (runs * legs),
+    }
+}
+
+fn long() -> bool {
+    env::var_os("INSNAV_LONG").is_some()
+}
+
+fn drive(rocking: bool) -> NavigationDrive {
+    NavigationDrive {
+        rocking,
+        rate_hz: if long() { 100.0 } else { 50.0 },
+        ..NavigationDrive::default()
+    }
+}
+
+fn runs(drive: &NavigationDrive, uses: StopUse) -> Vec<NavigationOutcome> {
+    let seeds = if long() { 40 } else { 6 };
+    let outcomes: Vec<NavigationOutcome> = (0..seeds)
+        .map(|seed| drive.run(uses, seed).expect("a run"))
+        .collect();
+    assert!(outcomes.iter().all(|o| o.legs.len() == 9));
+    outcomes
+}
+
+/// After an hour: kilometres without the stops, metres with them.
+#[test]
+fn an_hour_without_a_receiver() {
+    let drive = drive(false);
+    let mut rows = Vec::new();
+    for uses in StopUse::ALL {
+        let outcomes = runs(&drive, uses);
+        let expected = if uses == StopUse::None { 1 } else { 11 };
+        for outcome in &outcomes {
+            assert_eq!(outcome.stops.len(), expected, "{uses:?}");
+            assert_eq!(outcome.not_fused, 0);
+        }
+        let row = row(&outcomes);
+        println!("{:14} {row:.2?}", uses.name());
+        rows.push(row);
+    }
+    let [none, zero_velocity, _, batch] = rows.as_slice() else {
+        panic!("four rows");
+    };
+    assert!(none.last_m > 1e3 && zero_velocity.last_m < 30.0);
+    assert!(batch.last_m < 0.01 * none.last_m && batch.last_m < 1.2 * zero_velocity.last_m);
+    assert!(batch.heading_arcmin < 0.25 * none.heading_arcmin);
+    // The nine legs of a run share their errors: six runs have about as many independent pairs, and twelve degrees of freedom
+    // stray by 0.41; forty runs by 0.16.
+    let allowed = if long() { 0.48 } else { 1.2 };
+    for row in [none, batch] {
+        assert!((row.nees - 1.0).abs() < allowed, "{row:?}");
+    }
+}
