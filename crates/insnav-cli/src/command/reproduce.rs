@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::output::Output;
-use crate::reproduce::{DriftExperiment, DriftRequest, Experiment, Request};
+use crate::reproduce::{DriftExperiment, DriftRequest, DriveExperiment, Experiment, Request};
 use crate::text;
 use clap::{Args, Subcommand};
 use insnav_core::sample::Sample;
@@ -36,13 +36,18 @@ enum Paper {
 /// after compensation. Both sets of drifts: the paper's has no part along east and leaves the azimuth nothing to correct.
 #[derive(Args, Debug)]
 struct Lobusov2014 {
-    /// Number of runs of the noisy case; all others are made once
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
-    runs: u32,
+    /// Number of runs of the noisy case; all others are made once [default: 100, with --drive 10]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    runs: Option<u32>,
 
     /// Seed of all random numbers
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
+
+    /// In place of the stops alone the drive between them: an hour without GNSS with a stop every five minutes, and what it comes to
+    /// with different uses of the stops
+    #[arg(long, conflicts_with = "plot")]
+    drive: bool,
 
     /// Draw drifts, attitude and Schuler oscillation before and after compensation (figures 1–4), and our own rocking stop in place of
     /// figure 5, SVG
@@ -130,11 +135,18 @@ impl Lobusov2014 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         check_plot(self.plot.as_deref(), self.force, output)?;
         let all = std::thread::available_parallelism().map_or(1, usize::from);
-        let experiment = DriftExperiment::run(DriftRequest {
-            runs: self.runs as usize,
+        let usual = if self.drive { 10 } else { 100 };
+        let request = DriftRequest {
+            runs: self.runs.unwrap_or(usual) as usize,
             seed: self.seed,
             jobs: self.jobs.map_or(all, usize::from),
-        })?;
+        };
+        if self.drive {
+            let report = DriveExperiment::run(request)?.report();
+            output.result(&report, || text::reproduced(&report));
+            return Ok(0);
+        }
+        let experiment = DriftExperiment::run(request)?;
         if let Some(plot) = &self.plot {
             write_output(plot, DriftExperiment::figure()?.as_bytes(), self.force)
                 .map_err(|e| of_plot(e.into()))?;

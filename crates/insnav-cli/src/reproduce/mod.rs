@@ -3,10 +3,12 @@
 mod figure;
 mod kozadaev2017;
 mod lobusov2014;
+mod navigation_drive;
 mod spread;
 
 pub(crate) use kozadaev2017::{Experiment, Request};
 pub(crate) use lobusov2014::{DriftExperiment, DriftRequest};
+pub(crate) use navigation_drive::DriveExperiment;
 
 use serde::Serialize;
 

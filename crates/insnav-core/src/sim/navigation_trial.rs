@@ -64,6 +64,8 @@ pub struct ErrorAt {
     pub time_s: f64,
     /// Horizontal position error, m.
     pub horizontal_m: f64,
+    /// And its standard deviation: root of the sum of both variances, m.
+    pub sigma_horizontal_m: f64,
     /// Horizontal position error squared over its covariance, over two.
     pub horizontal_nees: f64,
     /// Heading error, rad.
@@ -151,6 +153,7 @@ impl Sink for Watcher<'_> {
         self.outcome.legs.push(ErrorAt {
             time_s: epoch.nav.time.since(self.start),
             horizontal_m: error.xy().norm(),
+            sigma_horizontal_m: square.trace().sqrt(),
             horizontal_nees: nees,
             heading: wrap_angle(epoch.euler().heading - heading),
             sigma_heading: epoch.heading_sigma(),
