@@ -33,10 +33,11 @@ fn long() -> bool {
     env::var_os("INSNAV_LONG").is_some()
 }
 
+/// Rocking at 1.9 Hz takes the full rate.
 fn drive(rocking: bool) -> NavigationDrive {
     NavigationDrive {
         rocking,
-        rate_hz: if long() { 100.0 } else { 50.0 },
+        rate_hz: if long() || rocking { 100.0 } else { 50.0 },
         ..NavigationDrive::default()
     }
 }
@@ -78,4 +79,25 @@ fn an_hour_without_a_receiver() {
     for row in [none, batch] {
         assert!((row.nees - 1.0).abs() < allowed, "{row:?}");
     }
+}
+
+/// A base that rocks moves by millimetres a second and turns by minutes of arc, the same way in every run: zero velocities take that
+/// for noise and promise too much, and a whole stop tells it from drift.
+#[test]
+fn on_a_rocking_base_a_whole_stop_keeps_its_word() {
+    let drive = drive(true);
+    let [live, batch] = [StopUse::ZeroVelocity, StopUse::Batch].map(|uses| {
+        let outcomes = runs(&drive, uses);
+        for outcome in &outcomes {
+            assert_eq!(outcome.stops.len(), 11, "{uses:?}");
+            assert_eq!(outcome.not_fused, 0);
+        }
+        let row = row(&outcomes);
+        println!("{:14} {row:.2?}", uses.name());
+        row
+    });
+    let allowed = if long() { 0.48 } else { 1.2 };
+    assert!((batch.nees - 1.0).abs() < allowed, "{batch:?}");
+    assert!(live.nees > 1.3 * batch.nees, "{live:?} {batch:?}");
+    assert!(batch.last_m < 30.0);
 }

@@ -28,8 +28,8 @@ impl Eskf {
     ///
     /// Attitude and biases become what the whole stop says of its end. All other states y were tied to them at the begin, x₀, and
     /// follow what the stop says of that: with G = P_yx P_xx⁻¹, y moves by G x̂₀ and its covariance by G (P₀₀ − P_xx) Gᵀ, and it is
-    /// tied to the end by G P₀₁. That is all that inertial data of a body which stands can tell of them. The velocity is zero to what
-    /// the stop shows, and tied to nothing.
+    /// tied to the end by G P₀₁. That is all that inertial data of a body which stands can tell of them. The velocity is what the
+    /// stop shows, and tied to nothing.
     ///
     /// `false`, and nothing is changed, where what was known of the begin is no covariance that has an inverse.
     pub fn pass_stop(&mut self, stop: &FusedStop, settling: &Settling) -> bool {
@@ -95,6 +95,7 @@ impl Eskf {
         self.nominal.held_q_nb = stop.q_nb;
         self.nominal.imu_errors.gyro_bias = stop.gyro_bias;
         self.nominal.imu_errors.accel_bias = stop.accel_bias;
+        self.nominal.nav.velocity_n = stop.velocity_n[1];
         self.forget_velocity(stop.velocity_sigma);
         true
     }

@@ -7,6 +7,8 @@ mod gnss_position;
 mod gnss_velocity;
 mod heading;
 mod held_heading;
+#[cfg(feature = "std")]
+mod known_velocity;
 mod learnt_noise;
 mod nonholonomic;
 mod standing_means;
@@ -19,6 +21,8 @@ pub use gnss_position::{GnssPositionAid, GnssPositionModel};
 pub use gnss_velocity::{GnssVelocityAid, GnssVelocityModel, HorizontalVelocityModel};
 pub use heading::{HeadingAid, HeadingModel};
 pub use held_heading::{HeldAid, HeldAttitudeModel, HeldHeadingModel};
+#[cfg(feature = "std")]
+pub(crate) use known_velocity::KnownVelocityModel;
 pub use learnt_noise::{Evidence, LearntNoise};
 pub use nonholonomic::{LateralModel, NonholonomicAid, NonholonomicModel};
 pub use standing_means::{StandingForceModel, StandingRateModel};

@@ -6,10 +6,11 @@
 use crate::alignment::{FusedStop, Record, Refusal, fuse_stop};
 use crate::config::StationaryConfig;
 use crate::error::{Error, Result};
-use crate::filter::{Eskf, Settling};
+use crate::filter::{Eskf, Gate, Settling};
 use crate::imu::ImuNoise;
-use crate::measurement::ZeroVelocityAid;
+use crate::measurement::KnownVelocityModel;
 use crate::mechanization::Increment;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::boxed::Box;
 use std::collections::VecDeque;
@@ -22,7 +23,6 @@ const PIECE: f64 = 1800.0;
 /// The stop that lasts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Batch {
-    zero_velocity: ZeroVelocityAid,
     /// Of the velocity at the begin, before the stop shows it, m/s.
     velocity_sigma: f64,
     settling: Settling,
@@ -51,7 +51,6 @@ impl Batch {
     /// Come to rest: from here on the data are kept.
     pub(super) fn enter(config: &StationaryConfig, noise: &ImuNoise, filter: &Eskf) -> Self {
         Batch {
-            zero_velocity: ZeroVelocityAid::new(config),
             velocity_sigma: config.velocity_sigma_m_per_s,
             settling: Settling {
                 attitude: 0.0,
@@ -96,9 +95,16 @@ impl Batch {
         if self.disturbed {
             return Ok(Outcome::Disturbed);
         }
-        // How still the body stood is seen first: the zero velocity with which it came to rest is worth as much.
-        let looked = self.look(self.velocity_sigma).and_then(|(_, stop)| {
-            let (mut fused, stop) = self.look(stop.velocity_sigma)?;
+        // How still the body stood is seen first: the velocity with which it came to rest is then known as well.
+        let about_zero = KnownVelocityModel {
+            velocity_n: Vector3::zeros(),
+            sigma: self.velocity_sigma,
+        };
+        let looked = self.look(&about_zero).and_then(|(_, stop)| {
+            let (mut fused, stop) = self.look(&KnownVelocityModel {
+                velocity_n: stop.velocity_n[0],
+                sigma: stop.velocity_sigma,
+            })?;
             Ok(fused.pass_stop(&stop, &self.settling).then_some(fused))
         });
         let mut fused = match looked {
@@ -115,12 +121,12 @@ impl Batch {
         Ok(Outcome::Fused)
     }
 
-    /// The filter as it came to rest with a zero velocity of this sigma, m/s, and what the stop then says.
-    fn look(&self, velocity_sigma: f64) -> Result<(Eskf, FusedStop)> {
+    /// The filter as it came to rest with this velocity, and what the stop then says.
+    fn look(&self, velocity: &KnownVelocityModel) -> Result<(Eskf, FusedStop)> {
         let mut rested = (*self.begin).clone();
-        let dt = self.zero_velocity.interval_for(velocity_sigma);
-        self.zero_velocity.observe(dt, &mut rested)?;
-        rested.forget_velocity(velocity_sigma);
+        let now = rested.nominal().nav.time;
+        rested.update(velocity, now, &mut Gate::lenient())?;
+        rested.forget_velocity(velocity.sigma);
         let stop = fuse_stop(&self.record, &rested.before_stop(), &self.noise)?;
         Ok((rested, stop))
     }

@@ -55,7 +55,10 @@ pub struct FusedStop {
     pub accel_bias: Vector3<f64>,
     /// Covariance of the errors at the begin (first nine) and at the end (last nine).
     pub covariance: SMatrix<f64, 18, 18>,
-    /// By how much the velocity scatters about zero, each horizontal axis, m/s: the base rocks, or the unit rounds.
+    /// Velocity at the begin and at the end, NED, m/s: a base that rocks moves, and who is taken to stand may still be braking. Over the
+    /// stop it is zero in the mean.
+    pub velocity_n: [Vector3<f64>; 2],
+    /// Standard deviation of both, each horizontal axis, m/s.
     pub velocity_sigma: f64,
     /// Weights of the regression that the stop's rocking asked for; `None` on a quiet base, where a Kalman filter is better.
     pub taper: Option<Taper>,
@@ -128,7 +131,8 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
             gyro_bias: filtered.gyro_bias,
             accel_bias: filtered.accel_bias,
             covariance,
-            velocity_sigma: scatter(&plain),
+            velocity_n: [Vector3::zeros(); 2],
+            velocity_sigma: STILL.hypot(velocity_rms(&plain.residuals[0])),
             taper: None,
         });
     }
@@ -154,14 +158,21 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
         gyro_bias: fit.start.gyro_bias,
         accel_bias: fit.start.accel_bias,
         covariance,
-        velocity_sigma: scatter(&fit),
+        velocity_n: [
+            fit.start.velocity_n,
+            fit.run.velocity_n[fit.run.velocity_n.len() - 1],
+        ],
+        velocity_sigma: STILL.hypot(from_the_middle(noise, problem.place.gravity, have_s)),
         taper: Some(taper),
     })
 }
 
-/// Of the velocity in the stop, each horizontal axis.
-fn scatter(fit: &Joint) -> f64 {
-    (velocity_rms(&fit.residuals[0]) / core::f64::consts::SQRT_2).hypot(STILL)
+/// Standard deviation of the velocity at an end of a stop that is fitted about its middle: noise of the accelerometers, and of the tilt
+/// that the gyros carry, over half of the length.
+fn from_the_middle(noise: &ImuNoise, gravity: f64, length: f64) -> f64 {
+    let half = 0.5 * length;
+    let tilted = gravity * noise.gyro_white * (half.powi(3) / 3.0).sqrt();
+    tilted.hypot(noise.accel_white * half.sqrt())
 }
 
 fn whole(record: &Record) -> Result<Span> {
