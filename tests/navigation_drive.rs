@@ -71,6 +71,7 @@ fn an_hour_without_a_receiver() {
         panic!("four rows");
     };
     assert!(none.last_m > 1e3 && zero_velocity.last_m < 30.0);
+    assert!(none.first_m > 50.0 && batch.first_m < 10.0);
     assert!(batch.last_m < 0.01 * none.last_m && batch.last_m < 1.2 * zero_velocity.last_m);
     assert!(batch.heading_arcmin < 0.25 * none.heading_arcmin);
     // The nine legs of a run share their errors: six runs have about as many independent pairs, and twelve degrees of freedom
