@@ -151,6 +151,11 @@ impl Log {
         Log::new(path, Source::Memory(bytes), options)
     }
 
+    /// The same bytes with other options: standard input cannot be opened twice.
+    pub fn read_anew(self, options: ReadOptions) -> Result<Log, LogError> {
+        Log::new(&self.path, self.source, options)
+    }
+
     fn new(path: &Path, source: Source, options: ReadOptions) -> Result<Log, LogError> {
         let (bytes, limit) = (source.bytes(), options.chunk_size_limit);
         let contents = if options.recover {

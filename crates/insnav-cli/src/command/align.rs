@@ -20,7 +20,7 @@ use std::path::PathBuf;
 /// not are levelled, and told how far off the azimuth would be.
 #[derive(Args, Debug)]
 pub(crate) struct Align {
-    /// The log: MCAP with ROS 2, ROS 1, JSON or foxglove protobuf messages; GNSS is not needed
+    /// The log: MCAP with ROS 2, ROS 1, JSON or foxglove protobuf messages, `-` is standard input; GNSS is not needed
     log: PathBuf,
 
     /// How: auto takes what suits the unit and the stops; multi_position (also two_position) needs a turn between them; zupt2
@@ -122,15 +122,14 @@ impl Align {
             ));
         }
         let mut config = self.settings.load()?;
-        let open = |config: &Config| -> Result<Log, Failure> {
-            let options = self.reading.options(config, self.settings.for_reading()?);
-            Ok(Log::open(&self.log, options)?)
+        let options = |config: &Config| -> Result<_, Failure> {
+            Ok(self.reading.options(config, self.settings.for_reading()?))
         };
-        let mut log = open(&config)?;
+        let mut log = Log::open(&self.log, options(&config)?)?;
         if config.gnss.used && log.optional(Role::GnssPosition)?.is_none() {
             // Stops are then looked for without it.
             config.gnss.used = false;
-            log = open(&config)?;
+            log = log.read_anew(options(&config)?)?;
         }
         let mut stops: Vec<[f64; 2]> = self.stop.iter().map(|s| s.0).collect();
         stops.extend(config.stationary.intervals_s.as_slice());

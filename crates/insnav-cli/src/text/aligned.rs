@@ -60,6 +60,17 @@ pub(crate) fn aligned(log: &Path, r: &AlignReport) -> String {
             r.observable.accel_bias,
         ),
     );
+    let seen = r
+        .observable
+        .gyro_bias
+        .iter()
+        .chain(&r.observable.accel_bias);
+    if seen.into_iter().any(|seen| !seen) {
+        line(
+            "(not seen)",
+            "the stops say no more of it than was known of the unit beforehand".to_owned(),
+        );
+    }
     if r.heading_deg.is_some() {
         let w = r.weakest_direction;
         line(

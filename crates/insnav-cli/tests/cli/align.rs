@@ -103,6 +103,25 @@ fn a_mems_unit_is_levelled_and_told_why() {
     );
 }
 
+/// From standard input without GNSS, for which the log is looked at twice; and what the table means by "(not seen)".
+#[test]
+fn a_log_from_standard_input_is_aligned() {
+    let folder = two_positions("automotive");
+    let log = std::fs::File::open(folder.path("stops.mcap")).unwrap();
+    let done = std::process::Command::new(env!("CARGO_BIN_EXE_insnav"))
+        .args(["align", "-", "--latitude-deg", "60", "--topic", "gnss=none"])
+        .args(["--topic", "gnss-velocity=none"])
+        .args(BOTH)
+        .stdin(log)
+        .output()
+        .unwrap();
+    let text = String::from_utf8(done.stdout).unwrap();
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.success(), "{said}");
+    assert!(text.contains("aligned by levelling"), "{text}");
+    assert!(text.contains("no more of it than was known"), "{text}");
+}
+
 #[test]
 fn what_cannot_be_is_refused_in_seconds_of_the_log() {
     let folder = two_positions("navigation");
