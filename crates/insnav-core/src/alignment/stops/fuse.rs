@@ -5,7 +5,7 @@
 
 use super::fitted::{LARGEST_DISAGREEMENT, QUIET_NIS, velocity_rms};
 use super::free_run::Start;
-use super::joint::{GLOBAL, Joint};
+use super::joint::{GLOBAL, Joint, MOST_PASSES, SETTLED};
 use super::kalman;
 use super::place::Place;
 use super::problem::{Prior, Problem};
@@ -106,6 +106,7 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
     };
     let unfit = || crate::error::Error::from(Refusal::NoData);
     let plain = Joint::fit(&problem, Taper::None, false).ok_or_else(unfit)?;
+    require_settled(&plain)?;
     let filtered = kalman::filter(&problem, &plain.start);
     let apart = |fit: &Joint, taper, left| {
         disagreement(&fit.stops[0], &fit.run, &problem.place, noise, taper, left).amax()
@@ -138,6 +139,7 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
     }
     let taper = Taper::HannSquared;
     let (fit, covariance) = Joint::fit_between(&problem, taper, true).ok_or_else(unfit)?;
+    require_settled(&fit)?;
     let disagreement_sigma = apart(&fit, taper, fit.sway.first());
     if disagreement_sigma > LARGEST_DISAGREEMENT {
         return Err(Refusal::NotStationary {
@@ -165,6 +167,17 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
         velocity_sigma: STILL.hypot(from_the_middle(noise, problem.place.gravity, have_s)),
         taper: Some(taper),
     })
+}
+
+fn require_settled(fit: &Joint) -> Result<()> {
+    if fit.step_sigmas <= SETTLED {
+        return Ok(());
+    }
+    Err(Refusal::NotConverged {
+        passes: MOST_PASSES,
+        step_sigmas: fit.step_sigmas,
+    }
+    .into())
 }
 
 /// Standard deviation of the velocity at an end of a stop that is fitted about its middle: noise of the accelerometers, and of the tilt
