@@ -1,9 +1,13 @@
 //! North at the start, where the gyros feel the Earth turn.
 
-use super::Startup;
-use crate::alignment::rest::Rest;
+use super::heading::Ask;
+use super::{REST_AGAIN, Startup};
+use crate::alignment::rest::{Rest, rest_at_begin};
 use crate::alignment::stops::{Record, coarse_attitude, rate_limit};
+use crate::alignment::track::inertial;
+use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{Geodetic, LocalEarth};
+use crate::imu::ImuErrors;
 use crate::mechanization::IncrementBuilder;
 use crate::sample::Sample;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -62,5 +66,36 @@ impl Startup {
             q_nb,
             sigma: Vector3::new(TILT_SIGMA, TILT_SIGMA, heading),
         })
+    }
+
+    /// A start with GNSS by the gyros, when the rest that the data begin with is over or has lasted long enough. That is asked of
+    /// every second, and given up when the data do not begin with rest.
+    pub(super) fn by_gyros(&mut self, waited: f64) -> Option<Alignment> {
+        if self.north_is_decided || waited < LEAST_REST + REST_AGAIN * self.judged_rest as f64 {
+            return None;
+        }
+        self.judged_rest += 1;
+        self.sort();
+        let rest = rest_at_begin(&inertial(&self.samples), &self.noise);
+        if rest.as_ref().is_some_and(|rest| !rest.over) {
+            return None;
+        }
+        self.north_is_decided = true;
+        let place = self.positions.first()?.position;
+        let north = self.north(&place, &rest?)?;
+        let mut start = self.align(Ask::Sure)?;
+        if start.heading_source != HeadingSource::Unknown {
+            return Some(start);
+        }
+        let moved = start.nav.q_nb * self.lever_arm_b - north.q_nb * self.lever_arm_b;
+        start.nav.position = start.nav.position.offset(&moved);
+        start.nav.q_nb = north.q_nb;
+        // What rest shows of the biases is told to the filter with the heading.
+        start.imu_errors = ImuErrors::default();
+        start.sigma.attitude = north.sigma;
+        start.sigma.gyro_bias = Vector3::repeat(self.noise.gyro_bias_sigma);
+        start.heading_source = HeadingSource::Gyrocompass;
+        start.heading_at = start.nav.time;
+        Some(start)
     }
 }

@@ -28,7 +28,7 @@ const LEAST_DATA: f64 = 10.0;
 const GIVEN_SIGMA: f64 = 0.087;
 /// A uniform distribution over the circle: π/√3.
 const UNKNOWN_SIGMA: f64 = 1.813_8;
-/// Without GNSS, rest is looked at anew after so long, s.
+/// Rest is looked at anew after so long, s.
 const REST_AGAIN: f64 = 1.0;
 
 /// Why a run without GNSS cannot begin.
@@ -60,6 +60,9 @@ pub struct Startup {
     /// How many headings, and velocities of a moving base, had been seen when they were judged last.
     judged_headings: usize,
     judged_base: usize,
+    /// How often rest was looked at for north in a run with GNSS, and whether that has come to an end.
+    judged_rest: usize,
+    north_is_decided: bool,
     /// How many fixes (velocities if there are any, else positions) have been judged for a course, or seconds for rest.
     judged: usize,
 }
@@ -100,6 +103,8 @@ impl Startup {
             velocity_floor: config.gnss.velocity_sigma_floor_m_per_s,
             judged_headings: 0,
             judged_base: 0,
+            judged_rest: 0,
+            north_is_decided: false,
             judged: 0,
         }
     }
@@ -173,6 +178,10 @@ impl Startup {
             if found.is_some_and(|a| a.heading_source != HeadingSource::Unknown) {
                 return found;
             }
+        }
+        let by_gyros = self.by_gyros(waited);
+        if by_gyros.is_some() {
+            return by_gyros;
         }
         let by_course = self.try_course(newest);
         if by_course.is_some() {
