@@ -30,7 +30,7 @@ impl Sink for Record {
             .last()
             .is_none_or(|last| epoch.nav.time.since(last.nav.time) > 0.095)
         {
-            self.epochs.push(epoch.clone());
+            self.epochs.push(*epoch);
         }
     }
     fn update(&mut self, update: &Update) {
@@ -158,8 +158,8 @@ fn a_drone_starts_by_its_velocities() {
         for (k, after) in [20.0, 45.0, 80.0].into_iter().enumerate() {
             let at = start.nav.time.plus(after);
             let i = all.partition_point(|(time, _)| *time < at);
-            for b in 0..3 {
-                sums[k][b] += all[i].1[b] / flights as f64;
+            for (sum, nees) in sums[k].iter_mut().zip(all[i].1) {
+                *sum += nees / flights as f64;
             }
         }
         let last = record.epochs.last().expect("epochs");

@@ -124,7 +124,7 @@ pub enum Event {
         /// Begin of the stop.
         begin: Time,
         /// Why not.
-        refusal: crate::alignment::Refusal,
+        reason: NotFused,
     },
     /// A stop ended.
     StopEnded(StopRecord),
@@ -148,6 +148,41 @@ pub enum Event {
         /// Which kind.
         what: &'static str,
     },
+}
+
+/// Why a stop was not looked at as a whole.
+#[cfg(feature = "std")]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotFused {
+    /// Going back to its begin would lose a measurement.
+    #[error("something else than standing was measured in it")]
+    Disturbed,
+    /// The fit knows biases only.
+    #[error(
+        "scale factors of the inertial unit are estimated or known, and a fit of a stop has none"
+    )]
+    Scale,
+    /// The direction of the Earth's rate is not known.
+    #[error("headings count from the start, and a fit of a stop needs north")]
+    RelativeHeading,
+    /// It ended as no stop.
+    #[error("what was measured says that the vehicle moved")]
+    Contradicted,
+    /// What the stop says is far from what was known.
+    #[error(
+        "attitude or biases by the stop differ by {sigmas:.0} sigmas from what was known: check latitude, heading and bias noise"
+    )]
+    Inconsistent {
+        /// The largest of the nine differences, in sigmas of what was known.
+        sigmas: f64,
+    },
+    /// What was known has a covariance without an inverse.
+    #[error("attitude and biases were known without an error that could be corrected")]
+    Singular,
+    /// The data do not bear it.
+    #[error(transparent)]
+    Refused(#[from] crate::alignment::Refusal),
 }
 
 /// Takes what a navigator produces. Every method has an empty default: implement what is wanted.

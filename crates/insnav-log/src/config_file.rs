@@ -664,7 +664,7 @@ mod tests {
             assert!(e.to_string().contains(says), "{e}");
         }
         let e = parse("[stationary]\nmode = \"zup\"", &[]).unwrap_err();
-        let all = "auto, off, zupt, zihr, heading_hold, attitude_hold, static";
+        let all = "auto, off, zupt, zihr, heading_hold, attitude_hold, static, batch";
         assert!(e.to_string().ends_with(all), "{e}");
         assert_eq!(e.remedy(), "did you mean `zupt`?");
         let e = parse("", &["stationary.mode=heading-hold"]).unwrap_err();

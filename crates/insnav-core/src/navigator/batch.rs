@@ -3,13 +3,14 @@
 //! While the stop lasts, zero velocities lead the filter; what they taught is thrown away at its end. Both are made of the same
 //! data, and who uses them twice believes them twice.
 
-use crate::alignment::{FusedStop, Record, Refusal, fuse_stop};
+use crate::alignment::{FusedStop, Record, fuse_stop};
 use crate::config::StationaryConfig;
 use crate::error::{Error, Result};
-use crate::filter::{Eskf, Gate, Settling};
+use crate::filter::{ACCEL_SCALE, Eskf, GYRO_SCALE, Gate, Settling};
 use crate::imu::ImuNoise;
 use crate::measurement::KnownVelocityModel;
 use crate::mechanization::Increment;
+use crate::solution::NotFused;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::boxed::Box;
@@ -19,6 +20,9 @@ use std::collections::VecDeque;
 const TAIL: f64 = 1.0;
 /// A stop is looked at in pieces of this length, s: biases wander, and memory is not endless.
 const PIECE: f64 = 1800.0;
+
+/// What a stop says of attitude and biases may differ from what was known by so many sigmas.
+const MOST_SIGMAS: f64 = 6.0;
 
 /// The stop that lasts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -37,16 +41,6 @@ pub(super) struct Batch {
     disturbed: bool,
 }
 
-/// What became of it.
-pub(super) enum Outcome {
-    /// The filter is at the end of the stop, with all of it.
-    Fused,
-    /// The filter is where zero velocities led it: something else was measured as well.
-    Disturbed,
-    /// Likewise: the data do not bear it.
-    Refused(Refusal),
-}
-
 impl Batch {
     /// Come to rest: from here on the data are kept.
     pub(super) fn enter(config: &StationaryConfig, noise: &ImuNoise, filter: &Eskf) -> Self {
@@ -56,7 +50,8 @@ impl Batch {
                 attitude: 0.0,
                 position: config.position_walk_m_per_sqrt_s,
             },
-            noise: config.noise_at_rest(noise),
+            // Not that of the stop itself: rocking is no white noise, and the fit looks for it.
+            noise: *noise,
             begin: Box::new(filter.clone()),
             record: Record::default(),
             tail: VecDeque::new(),
@@ -90,10 +85,19 @@ impl Batch {
             .is_some_and(|(begin, end)| end.since(begin) >= PIECE)
     }
 
-    /// Go back to the begin, and from there to here with the whole stop.
-    pub(super) fn fuse(self, filter: &mut Eskf) -> Result<Outcome> {
+    /// Go back to the begin, and from there to here with the whole stop. `Some`: why not; the filter is then where zero velocities
+    /// have led it.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub(super) fn fuse(self, filter: &mut Eskf) -> Result<Option<NotFused>> {
         if self.disturbed {
-            return Ok(Outcome::Disturbed);
+            return Ok(Some(NotFused::Disturbed));
+        }
+        let layout = self.begin.covariance().layout();
+        let has_scale = self.begin.nominal().imu_errors.has_scale();
+        if has_scale || layout.has(GYRO_SCALE) || layout.has(ACCEL_SCALE) {
+            return Ok(Some(NotFused::Scale));
         }
         // How still the body stood is seen first: the velocity with which it came to rest is then known as well.
         let about_zero = KnownVelocityModel {
@@ -101,24 +105,33 @@ impl Batch {
             sigma: self.velocity_sigma,
         };
         let looked = self.look(&about_zero).and_then(|(_, stop)| {
-            let (mut fused, stop) = self.look(&KnownVelocityModel {
+            self.look(&KnownVelocityModel {
                 velocity_n: stop.velocity_n[0],
                 sigma: stop.velocity_sigma,
-            })?;
-            Ok(fused.pass_stop(&stop, &self.settling).then_some(fused))
+            })
         });
-        let mut fused = match looked {
-            Ok(Some(fused)) => fused,
-            Ok(None) => return Ok(Outcome::Refused(Refusal::NoData)),
-            Err(Error::Alignment(refusal)) => return Ok(Outcome::Refused(refusal)),
+        let (mut fused, stop) = match looked {
+            Ok(both) => both,
+            Err(Error::Alignment(refusal)) => return Ok(Some(refusal.into())),
             Err(error) => return Err(error),
         };
+        let known = fused.before_stop().covariance.diagonal();
+        let sigmas = stop
+            .correction_at_begin
+            .zip_map(&known, |moved, variance| moved.abs() / variance.sqrt())
+            .max();
+        if sigmas > MOST_SIGMAS {
+            return Ok(Some(NotFused::Inconsistent { sigmas }));
+        }
+        if !fused.pass_stop(&stop, &self.settling) {
+            return Ok(Some(NotFused::Singular));
+        }
         // What has not filled a node, and the tail.
         for raw in self.record.rest().into_iter().chain(self.tail) {
             fused.propagate(&raw);
         }
         *filter = fused;
-        Ok(Outcome::Fused)
+        Ok(None)
     }
 
     /// The filter as it came to rest with this velocity, and what the stop then says.
@@ -128,6 +141,6 @@ impl Batch {
         rested.update(velocity, now, &mut Gate::lenient())?;
         rested.forget_velocity(velocity.sigma);
         let stop = fuse_stop(&self.record, &rested.before_stop(), &self.noise)?;
-        Ok((rested, stop))
+        Ok((rested, stop.known_at_least_to(self.velocity_sigma)))
     }
 }

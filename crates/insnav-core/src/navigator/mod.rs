@@ -13,7 +13,7 @@ mod standing;
 pub use horizon::HORIZON_CAPACITY;
 
 #[cfg(feature = "std")]
-use crate::alignment::{Alignment, AlignmentResult, Startup};
+use crate::alignment::{Alignment, AlignmentResult, HeadingSource, Startup};
 use crate::config::{Config, VehicleKind};
 #[cfg(feature = "std")]
 use crate::earth::Geodetic;
@@ -335,6 +335,8 @@ impl Navigator {
             return Ok(());
         };
         self.standing.doubt_rates(alignment.rates_doubtful_until);
+        let relative = alignment.heading_source == HeadingSource::Relative;
+        self.standing.heading_is_relative(relative);
         sink.event(&Event::Started(alignment));
         let mut samples = startup.into_samples();
         // What came before the first inertial sample has served the alignment.

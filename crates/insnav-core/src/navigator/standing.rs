@@ -1,7 +1,7 @@
 //! What the filter makes of a stop: the way in, what it is told meanwhile, the way out, and the record of it.
 
 #[cfg(feature = "std")]
-use super::batch::{Batch, Outcome};
+use super::batch::Batch;
 use super::resting::Resting;
 use crate::attitude::{Euler, wrap_angle};
 use crate::config::{StationaryConfig, StationaryMode};
@@ -10,6 +10,8 @@ use crate::filter::{Eskf, GYRO_BIAS, POSITION, Update, VELOCITY};
 use crate::imu::ImuNoise;
 use crate::measurement::{HeldAid, ZeroHeadingRateAid, ZeroVelocityAid};
 use crate::mechanization::Increment;
+#[cfg(feature = "std")]
+use crate::solution::NotFused;
 use crate::solution::{Event, Motion, Sink};
 use crate::stationary::{
     Evidence, HeadingLedger, LOOK_AHEAD, Rounding, StopEnd, StopRecord, Witness,
@@ -65,6 +67,9 @@ pub(super) struct Standing {
     rocks: bool,
     /// Whether stops are stances of a foot: they are over before the Earth has turned.
     stances: bool,
+    /// Whether headings count from the start, north being unknown.
+    #[cfg(feature = "std")]
+    relative: bool,
 }
 
 /// The stop that lasts.
@@ -84,6 +89,9 @@ struct Stop {
     /// In batch mode, what is looked at in the end.
     #[cfg(feature = "std")]
     batch: Option<Batch>,
+    /// Whether a piece of it has been.
+    #[cfg(feature = "std")]
+    is_fused: bool,
 }
 
 /// NIS of late of what is told while standing.
@@ -113,8 +121,16 @@ impl Standing {
             turning_since: None,
             doubtful_until: None,
             rocks: false,
+            #[cfg(feature = "std")]
+            relative: false,
             stances: config.window_s.is_some_and(|window| window < LOOK_AHEAD),
         }
+    }
+
+    /// Headings count from the start: nobody knows about which axis the Earth turns.
+    #[cfg(feature = "std")]
+    pub(super) fn heading_is_relative(&mut self, relative: bool) {
+        self.relative = relative;
     }
 
     /// Take no mean rate for a bias before this instant.
@@ -240,6 +256,8 @@ impl Standing {
             rounding: Vector3::zeros(),
             #[cfg(feature = "std")]
             batch: None,
+            #[cfg(feature = "std")]
+            is_fused: false,
         });
         #[cfg(feature = "std")]
         self.open_batch(filter);
@@ -355,7 +373,7 @@ impl Standing {
         stop.ledger.grown(heading(filter));
         #[cfg(feature = "std")]
         if stop.batch.as_ref().is_some_and(Batch::is_full) {
-            outcome = outcome.and(self.fuse(filter, sink));
+            outcome = outcome.and(self.fuse(false, filter, sink));
             self.open_batch(filter);
         }
         outcome
@@ -478,7 +496,7 @@ impl Standing {
 
     /// Look at what was kept, in batch mode: a stop that does not bear it has been one of zero velocities.
     #[cfg(feature = "std")]
-    fn fuse(&mut self, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
+    fn fuse(&mut self, contradicted: bool, filter: &mut Eskf, sink: &mut impl Sink) -> Result<()> {
         let Some(stop) = &mut self.stop else {
             return Ok(());
         };
@@ -486,13 +504,19 @@ impl Standing {
             return Ok(());
         };
         stop.book_updates(filter);
-        let outcome = batch.fuse(filter)?;
-        if !matches!(outcome, Outcome::Fused) {
-            stop.record.mode = StationaryMode::Zupt;
-        }
-        if let Outcome::Refused(refusal) = outcome {
+        let reason = if contradicted {
+            Some(NotFused::Contradicted)
+        } else if self.relative {
+            Some(NotFused::RelativeHeading)
+        } else {
+            batch.fuse(filter)?
+        };
+        stop.is_fused |= reason.is_none();
+        // What is left of a long stop is led through by zero velocities as well, from where its pieces ended.
+        if let Some(reason) = reason.filter(|_| !stop.is_fused) {
+            (stop.mode, stop.record.mode) = (StationaryMode::Zupt, StationaryMode::Zupt);
             let begin = stop.record.begin;
-            sink.event(&Event::StopNotFused { begin, refusal });
+            sink.event(&Event::StopNotFused { begin, reason });
         }
         Ok(())
     }
@@ -527,11 +551,7 @@ impl Standing {
         sink: &mut impl Sink,
     ) -> Result<()> {
         #[cfg(feature = "std")]
-        let fused = if ended_by == StopEnd::Contradicted {
-            Ok(())
-        } else {
-            self.fuse(filter, sink)
-        };
+        let fused = self.fuse(ended_by == StopEnd::Contradicted, filter, sink);
         #[cfg(not(feature = "std"))]
         let fused = Ok(());
         let Some(mut stop) = self.stop.take() else {
@@ -567,6 +587,7 @@ impl Standing {
                     | StationaryMode::Zihr
                     | StationaryMode::HeadingHold
                     | StationaryMode::AttitudeHold
+                    | StationaryMode::Batch
             )
         {
             widen_bias(&stop.rounding, filter);

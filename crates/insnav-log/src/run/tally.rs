@@ -292,10 +292,10 @@ impl<S: Sink> Sink for Tally<'_, S> {
                 &totals.slow,
                 self.origin,
             ),
-            Event::StopNotFused { begin, refusal } => {
+            Event::StopNotFused { begin, reason } => {
                 if totals.events.not_fused == 0 {
                     totals.events.first_not_fused_s = begin.since(self.origin);
-                    totals.first_not_fused = refusal.to_string();
+                    totals.first_not_fused = reason.to_string();
                 }
                 totals.events.not_fused += 1;
             }

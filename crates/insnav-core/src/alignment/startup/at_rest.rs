@@ -56,6 +56,14 @@ impl Startup {
         }
         let q_nb =
             UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * from_force(&rest.force_b);
+        let feels = self.place_is_told && self.feels_the_earth(&place, &rest).is_some();
+        if feels && self.stops_are_used && heading_source != HeadingSource::Relative {
+            let north = North::new(q_nb, heading_sigma);
+            return Some(Alignment {
+                heading_source,
+                ..self.with_north(&north, begin, place, &rest)
+            });
+        }
         let mut earth_rate_n = earth_rate_n(place.latitude);
         let mut direction = heading_sigma.min(1.0);
         if heading_source == HeadingSource::Relative {
@@ -96,7 +104,7 @@ impl Startup {
         })
     }
 
-    /// With north from the gyros. Their biases are left at zero: what rest shows of them is told to the filter with the heading.
+    /// With north known and gyros that feel the Earth turn. Their biases are left at zero: what rest shows of them is told to the filter with the heading.
     fn with_north(&self, north: &North, begin: Time, place: Geodetic, rest: &Rest) -> Alignment {
         Alignment {
             nav: NavState {

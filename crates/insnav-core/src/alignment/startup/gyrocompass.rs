@@ -28,10 +28,19 @@ pub(super) struct North {
     pub(super) sigma: Vector3<f64>,
 }
 
+impl North {
+    /// With a heading known to `heading_sigma`, rad.
+    pub(super) fn new(q_nb: UnitQuaternion<f64>, heading_sigma: f64) -> Self {
+        North {
+            q_nb,
+            sigma: Vector3::new(TILT_SIGMA, TILT_SIGMA, heading_sigma),
+        }
+    }
+}
+
 impl Startup {
-    /// Coarse alignment in the inertial frame from the rest that the data begin with; `None` where the unit or the rest is not
-    /// good enough. Samples are sorted.
-    pub(super) fn north(&self, place: &Geodetic, rest: &Rest) -> Option<North> {
+    /// Whether the gyros feel the Earth turn: the sigma of the heading that this rest and the unit's biases leave, rad.
+    pub(super) fn feels_the_earth(&self, place: &Geodetic, rest: &Rest) -> Option<f64> {
         if rest.span < LEAST_REST || rest.doubtful_until.is_some() {
             return None;
         }
@@ -42,9 +51,13 @@ impl Startup {
             .hypot(rate_limit(&self.noise, earth.gravity(), rest.span) / horizontal)
             .hypot(tan * self.noise.accel_bias_sigma / earth.gravity());
         // Near a pole nothing is left of the horizontal rate.
-        if !(horizontal > 0.0 && sigma < LARGEST_SIGMA) {
-            return None;
-        }
+        (horizontal > 0.0 && sigma < LARGEST_SIGMA).then_some(sigma)
+    }
+
+    /// Coarse alignment in the inertial frame from the rest that the data begin with; `None` where the unit or the rest is not
+    /// good enough. Samples are sorted.
+    pub(super) fn north(&self, place: &Geodetic, rest: &Rest) -> Option<North> {
+        let sigma = self.feels_the_earth(place, rest)?;
         let mut builder = IncrementBuilder::default();
         let begin = self.samples.iter().find(|s| s.is_inertial())?.time();
         let increments = self
@@ -62,10 +75,7 @@ impl Startup {
         } else {
             sigma
         };
-        Some(North {
-            q_nb,
-            sigma: Vector3::new(TILT_SIGMA, TILT_SIGMA, heading),
-        })
+        Some(North::new(q_nb, heading))
     }
 
     /// A start with GNSS by the gyros, when the rest that the data begin with is over or has lasted long enough. That is asked of

@@ -64,6 +64,20 @@ pub struct FusedStop {
     pub taper: Option<Taper>,
 }
 
+impl FusedStop {
+    /// Where a long stop tells its velocity worse than this, m/s, that of a body which stands takes its place.
+    pub(crate) fn known_at_least_to(self, sigma: f64) -> Self {
+        if self.velocity_sigma <= sigma {
+            return self;
+        }
+        FusedStop {
+            velocity_n: [Vector3::zeros(); 2],
+            velocity_sigma: sigma,
+            ..self
+        }
+    }
+}
+
 /// Fuse all inertial data of a record, in which the body stands, with what was known at its begin.
 ///
 /// # Errors
@@ -133,7 +147,7 @@ pub fn fuse_stop(record: &Record, before: &BeforeStop, noise: &ImuNoise) -> Resu
             accel_bias: filtered.accel_bias,
             covariance,
             velocity_n: [Vector3::zeros(); 2],
-            velocity_sigma: STILL.hypot(velocity_rms(&plain.residuals[0])),
+            velocity_sigma: STILL,
             taper: None,
         });
     }
