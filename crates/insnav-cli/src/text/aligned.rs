@@ -36,8 +36,7 @@ pub(crate) fn aligned(log: &Path, r: &AlignReport) -> String {
             None => "not found: with this unit and these stops it could be any".to_owned(),
         },
     );
-    if let Some(azimuth) = r.azimuth_deg {
-        let begin = r.stops.first().map_or(0.0, |s| s.begin_s);
+    if let (Some(azimuth), Some(begin)) = (r.azimuth_deg, r.azimuth_at_s) {
         line("azimuth", format!("{azimuth:.4}° at {begin:.3} s"));
     }
     let gyro = |x: f64| x.to_degrees() * 3600.0;

@@ -9,7 +9,8 @@ use super::survey::Survey;
 use super::{RunError, oddities};
 use crate::findings;
 use insnav_core::alignment::{
-    AlignmentMethod, AlignmentOptions, AlignmentResult, Record, StopWindow, Taper, align,
+    AlignmentMethod, AlignmentOptions, AlignmentResult, Record, StopReport as CoreStop, StopWindow,
+    Taper, align,
 };
 use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
@@ -86,8 +87,10 @@ pub struct AlignReport {
     pub heading_deg: Option<f64>,
     /// Its standard deviation, degrees; where it is not found, what it would be.
     pub sigma_heading_deg: f64,
-    /// Heading of the body's x axis at the first stop's begin: the azimuth of the level frame.
+    /// Heading of the body's x axis at the begin of the first stop that is used: the azimuth of the level frame.
     pub azimuth_deg: Option<f64>,
+    /// That begin, s after the log's zero.
+    pub azimuth_at_s: Option<f64>,
     /// Gyro bias, body axes, rad/s: measured minus true.
     pub gyro_bias_rad_per_s: [f64; 3],
     /// Its standard deviations.
@@ -203,7 +206,10 @@ pub fn align_by_stops(
 
     let (position, latitude_source) = place(config, &survey, request)?;
     let (stops, proposed) = if request.stops.is_empty() {
-        (proposals(source, config, &survey, &mut warnings)?, true)
+        (
+            proposals(source, config, &position, &survey, &mut warnings)?,
+            true,
+        )
     } else {
         (request.stops.clone(), false)
     };
@@ -220,7 +226,10 @@ pub fn align_by_stops(
         state_noise_at_rest(&mut settled, &class, floor, last.since(first), standing);
     }
     let mut noise = settled.stationary.noise_at_rest(&class);
-    // What the settings say of the noise itself counts.
+    // What the settings say of the unit counts: what the log shows has the vehicle's rocking in it.
+    if config.imu.grade.is_some() {
+        noise = class;
+    }
     if config.noise.gyro_arw_deg_per_sqrt_hour.is_some() {
         noise.gyro_white = class.gyro_white;
     }
@@ -252,7 +261,7 @@ pub fn align_by_stops(
         warnings.push(Warning {
             code: "azimuth_unobservable",
             message: format!("the heading is not found: {}", result.reason),
-            remedy: "stand longer, turn the unit between stops, use better gyros, or give the heading (`--heading-deg` with `--heading-sigma-deg`)"
+            remedy: "stand longer, turn the unit between stops, use better gyros, or give the heading (`--heading-deg` with `--heading-sigma-deg`); on a vehicle that rocks the log shows more noise than the unit has: state its class (`--set imu.grade=navigation`)"
                 .into(),
         });
     }
@@ -281,6 +290,13 @@ pub fn align_by_stops(
         warnings,
     };
     Ok(report(&result, &stops, given))
+}
+
+/// What was seen of the stop with this begin and end, if the method used it.
+fn seen_in(result: &AlignmentResult, begin_s: f64, end_s: f64) -> Option<&CoreStop> {
+    let middle = |stop: &&CoreStop| 0.5 * (stop.begin.seconds() + stop.end.seconds());
+    let inside = |stop: &&CoreStop| (begin_s..=end_s).contains(&middle(stop));
+    result.stops.iter().find(inside)
 }
 
 /// To ten digits: numbers of data sheets come back as they were stated.
@@ -317,12 +333,18 @@ fn place(
 fn proposals(
     source: &(impl Source + ?Sized),
     config: &Config,
+    position: &Geodetic,
     survey: &Survey,
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<[f64; 2]>, RunError> {
     let mut config = *config;
     let heard = !survey.positions.is_empty();
     config.gnss.used &= heard;
+    if !config.gnss.used {
+        // Gyros that feel the Earth turn are asked about the right place.
+        config.output.origin = None;
+        config.alignment.latitude_deg = Some(position.latitude_deg());
+    }
     let options = RunOptions {
         ignore_clocks: true,
         ..RunOptions::default()
@@ -456,6 +478,10 @@ fn report(result: &AlignmentResult, stops: &[[f64; 2]], given: Given) -> AlignRe
         heading_deg: found.then(|| turns(euler.heading)),
         sigma_heading_deg: result.azimuth_sigma.to_degrees().min(180.0),
         azimuth_deg: result.azimuth.map(turns),
+        azimuth_at_s: result
+            .azimuth
+            .and(result.stops.first())
+            .map(|stop| stop.begin.seconds()),
         gyro_bias_rad_per_s: result.gyro_bias.into(),
         sigma_gyro_bias_rad_per_s: three(3),
         accel_bias_m_per_s2: result.accel_bias.into(),
@@ -478,11 +504,10 @@ fn report(result: &AlignmentResult, stops: &[[f64; 2]], given: Given) -> AlignRe
         nis_ratio: result.nis_ratio,
         stops: stops
             .iter()
-            .enumerate()
-            .map(|(i, [begin_s, end_s])| AlignedStop {
+            .map(|[begin_s, end_s]| AlignedStop {
                 begin_s: *begin_s,
                 end_s: *end_s,
-                seen: result.stops.get(i).map(|stop| SeenStop {
+                seen: seen_in(result, *begin_s, *end_s).map(|stop| SeenStop {
                     residual_rate_ned_rad_per_s: stop.residual_rate_n.into(),
                     sigma_rate_rad_per_s: stop.sigma_rate.into(),
                     rocking_rms_deg: stop.rocking_rms.map(f64::to_degrees).into(),

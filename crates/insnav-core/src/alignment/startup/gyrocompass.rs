@@ -22,6 +22,10 @@ const LARGEST_SIGMA: f64 = 0.087;
 const TILT_SIGMA: f64 = 1.7e-3;
 const HEADING_SIGMA: f64 = 0.17;
 
+/// The q-method over stretches of half the rest is noisier than the best there is: over 24 starts of 45 s its errors were 1.64 times
+/// what the limit alone would state.
+const OVER_THE_LIMIT: f64 = 1.7;
+
 /// Attitude at the first sample, and its standard deviations.
 pub(super) struct North {
     pub(super) q_nb: UnitQuaternion<f64>,
@@ -47,8 +51,9 @@ impl Startup {
         let earth = LocalEarth::at(place);
         let horizontal = earth.earth_rate_n().x;
         let tan = earth.sin_latitude / earth.cos_latitude;
+        let rate = OVER_THE_LIMIT * rate_limit(&self.noise, earth.gravity(), rest.span);
         let sigma = (self.noise.gyro_bias_sigma / horizontal)
-            .hypot(rate_limit(&self.noise, earth.gravity(), rest.span) / horizontal)
+            .hypot(rate / horizontal)
             .hypot(tan * self.noise.accel_bias_sigma / earth.gravity());
         // Near a pole nothing is left of the horizontal rate.
         (horizontal > 0.0 && sigma < LARGEST_SIGMA).then_some(sigma)

@@ -119,6 +119,14 @@ pub fn align(
         AlignmentMethod::Paper => task.paper(),
         _ => task.fitted(method),
     }?;
+    if auto && options.heading.is_none() && result.azimuth_sigma > limit {
+        let reason = format!(
+            "the azimuth of this unit in these stops has a sigma of {}, {:.1}° are allowed",
+            in_a_circle(result.azimuth_sigma),
+            limit.to_degrees()
+        );
+        return task.levelling(reason, Some(result.azimuth_sigma));
+    }
     if !auto && options.heading.is_none() && result.azimuth_sigma > limit {
         return Err(Refusal::LowGrade {
             sigma_azimuth_deg: result.azimuth_sigma.to_degrees(),
