@@ -39,7 +39,8 @@ pub enum StationaryMode {
     Static,
     /// All inertial data of a stop at once, when it is over (\[Lobusov14\]: ZUPT-1 and ZUPT-2): for units that feel the Earth's rate
     /// in a minute, on vehicles that rock, without GNSS. Needs `std`; without it as `zupt`. A stop under 40 s, and one
-    /// in which something else was measured, is led through by zero velocities alone.
+    /// in which something else was measured, is led through by zero velocities alone; so are all where scale factors are known or
+    /// estimated, and where headings count from the start. Half an hour is looked at at a time.
     Batch,
 }
 
