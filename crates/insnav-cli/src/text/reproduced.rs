@@ -3,12 +3,30 @@
 use super::short;
 use crate::reproduce::{Reproduced, Row};
 
+/// What the signs of the table mean, of those that are in it.
+fn legend(r: &Reproduced) -> String {
+    let any = |of: &dyn Fn(&Row) -> bool| r.rows.iter().any(of);
+    let mut parts = vec!["± is the standard error"];
+    if any(&|row| row.published.is_some()) {
+        parts.push("[in brackets] what was published");
+    }
+    if any(&|row| heading(row.quantity).contains("NEES ~")) {
+        parts.push("NEES ~3: of honest sigmas 3");
+    }
+    if any(&|row| row.limit.is_some()) {
+        parts.push("\nlimit: no linear estimate is better");
+    }
+    parts.join("; ").replace("; \n", ";\n")
+}
+
 /// The report of `reproduce`.
 pub(crate) fn reproduced(r: &Reproduced) -> String {
     let mut text = format!(
-        "{}, {} runs, seed {}\n± is the standard error, [in brackets] what was published; NEES ~3: of honest sigmas 3;\n\
-         limit: no linear estimate is better\n",
-        r.paper, r.runs, r.seed
+        "{}, {} runs, seed {}\n{}\n",
+        r.paper,
+        r.runs,
+        r.seed,
+        legend(r)
     );
     let mut notes: Vec<&str> = Vec::new();
     for case in distinct(r.rows.iter().map(|row| row.case)) {
@@ -187,6 +205,11 @@ fn heading(quantity: &str) -> &str {
         "azimuth_error_arcmin" | "azimuth_rms_arcmin" => "azimuth ′",
         "drift_rms_nrad_per_s" => "drift, nrad/s",
         "drift_vertical_rms_nrad_per_s" => "vertical",
+        "horizontal_rms_first_leg_m" => "first leg, m",
+        "horizontal_rms_last_leg_m" => "last leg, m",
+        "horizontal_max_m" => "largest, m",
+        "horizontal_nees_per_component" => "NEES ~1",
+        "heading_rms_last_leg_arcmin" => "heading ′",
         "velocity_max_m_per_s" => "velocity after an hour, m/s",
         other => other,
     }

@@ -14,6 +14,7 @@ use insnav_core::alignment::{
 };
 use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
+use insnav_core::error::Error as CoreError;
 use insnav_core::imu::{ImuGrade, STANDARD_GRAVITY};
 use insnav_core::mechanization::IncrementBuilder;
 use insnav_core::noise_floor::NoiseFloor;
@@ -24,6 +25,8 @@ use serde::Serialize;
 
 /// Stops that the detector proposes are cut at both ends: settling is over there, s.
 const TRIM: f64 = 3.0;
+/// Unless less than [`LEAST_PROPOSAL`] would be left, but never by less, s.
+const LEAST_TRIM: f64 = 0.5;
 /// No vehicle drives off and comes to rest again in so short a break, s.
 const SHORT_BREAK: f64 = 4.0;
 /// Shorter proposals say nothing of north, s.
@@ -195,8 +198,12 @@ pub fn align_by_stops(
     request: &AlignRequest,
 ) -> Result<AlignReport, RunError> {
     source.check()?;
-    config.validate().map_err(RunError::from)?;
     let survey = Survey::of(source)?;
+    // A log without fixes is one without GNSS: what the settings say for that is allowed.
+    let mut without_fixes = *config;
+    without_fixes.gnss.used &= !survey.positions.is_empty();
+    let config = &without_fixes;
+    config.validate().map_err(RunError::from)?;
     let (first, last) = survey.imu_span.ok_or(RunError::NoImu)?;
     let origin = source.origin()?.unwrap_or(first);
     let facts = source.facts()?;
@@ -321,6 +328,10 @@ fn place(
         let place = Geodetic::from_degrees(latitude, longitude, height);
         return Ok((place, LatitudeSource::Settings));
     }
+    if let Some(latitude) = config.alignment.latitude_deg {
+        let place = Geodetic::from_degrees(latitude, 0.0, height);
+        return Ok((place, LatitudeSource::Settings));
+    }
     let mut fixes: Vec<Geodetic> = survey.positions.iter().map(|p| p.position).collect();
     fixes.sort_by(|a, b| a.latitude.total_cmp(&b.latitude));
     match fixes.get(fixes.len() / 2) {
@@ -339,7 +350,6 @@ fn proposals(
 ) -> Result<Vec<[f64; 2]>, RunError> {
     let mut config = *config;
     let heard = !survey.positions.is_empty();
-    config.gnss.used &= heard;
     if !config.gnss.used {
         // Gyros that feel the Earth turn are asked about the right place.
         config.output.origin = None;
@@ -349,9 +359,21 @@ fn proposals(
         ignore_clocks: true,
         ..RunOptions::default()
     };
-    let plan = Plan::make(source, &config, &options)?;
-    let found = one_for_one(plan.execute(source, &mut ())?.stops, heard);
-    let trimmed = |stop: &StopReport| [stop.begin_s + TRIM, stop.end_s - TRIM];
+    // Who can give the windows need not let a log begin with rest.
+    let no_start = |error| match error {
+        RunError::NoRest { .. } | RunError::Navigator(CoreError::NotStarted { .. }) => {
+            RunError::NoStops { found: 0 }
+        }
+        other => other,
+    };
+    let plan = Plan::make(source, &config, &options).map_err(no_start)?;
+    let run = plan.execute(source, &mut ()).map_err(no_start)?;
+    let found = one_for_one(run.stops, heard);
+    let trimmed = |stop: &StopReport| {
+        let spare = 0.5 * (stop.end_s - stop.begin_s - LEAST_PROPOSAL);
+        let trim = spare.clamp(LEAST_TRIM, TRIM);
+        [stop.begin_s + trim, stop.end_s - trim]
+    };
     let of = |least: f64| -> Vec<[f64; 2]> {
         let long = |s: &[f64; 2]| s[1] - s[0] >= least;
         found.iter().map(trimmed).filter(long).collect()

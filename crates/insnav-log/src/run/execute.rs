@@ -250,9 +250,9 @@ fn heading_matters<S: SolutionSink>(tally: &Tally<'_, S>, gyro_bias: f64) -> Opt
     (per_hour < HIDES_THE_EARTH_DEG_PER_HOUR).then(|| Warning {
         code: "heading_unknown",
         message: format!(
-            "the gyros drift by {per_hour:.0} °/h, and without a heading the Earth's 15 °/h are about an unknown axis: sigmas are too small"
+            "the gyros drift by {per_hour:.2} °/h, and without a heading the Earth's 15 °/h are about an unknown axis: sigmas are too small"
         ),
-        remedy: "give the heading at the start with `--heading-deg`".into(),
+        remedy: "give the heading at the start with `--heading-deg`; gyros of 0.5 °/h and better find it themselves when the latitude is told (`--latitude-deg`) and the log begins with half a minute of rest".into(),
     })
 }
 

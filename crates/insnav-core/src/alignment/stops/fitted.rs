@@ -3,7 +3,7 @@
 use super::earth_rate::earth_rate;
 use super::free_run::{FreeRun, Start};
 use super::geometry::{Geometry, geometry};
-use super::joint::{Joint, MOST_PASSES, SETTLED};
+use super::joint::{GLOBAL, Joint, MOST_PASSES, SETTLED};
 use super::kalman::{self, Filtered};
 use super::paper;
 use super::problem::Problem;
@@ -15,7 +15,7 @@ use super::task::Task;
 use super::{AlignmentMethod, AlignmentResult, Refusal, StopReport};
 use crate::attitude::{Euler, log, wrap_angle};
 use crate::error::Result;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SVector, Vector3};
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -87,16 +87,24 @@ impl Task<'_> {
             }
             [] => return Err(Refusal::NoStop.into()),
         };
-        // The paper gives no covariance: that of the joint regression of the same stops is what its noise would leave at best.
+        // The paper gives no covariance: that of the joint regression of the same stops is what its noise would leave at best, and what
+        // the two differ by is an error that this one has.
         let problem = self.problem(self.near_start(keeps), keeps);
         let fit = self.joint(&problem, Taper::None, false)?;
+        let end = fit.run.q_nb[fit.run.q_nb.len() - 1];
+        let parts = [
+            log(&(q_nb * end.inverse())),
+            drift - fit.start.gyro_bias,
+            -fit.start.accel_bias,
+        ];
+        let differs = SVector::<f64, GLOBAL>::from_iterator(parts.iter().flatten().copied());
         let mut result = self.result(
             AlignmentMethod::Paper,
-            "asked for; its covariance is that of the joint regression".to_string(),
+            "asked for; its covariance is that of the joint regression and what it differs from that".to_string(),
             q_nb,
             drift,
             Vector3::zeros(),
-            fit.covariance,
+            fit.covariance + differs * differs.transpose(),
         );
         self.report(
             &mut result,
