@@ -82,7 +82,8 @@ impl Task<'_> {
                 self.require_turned()?;
                 let vertical = self.options.paper_vertical;
                 let spans = [*first, *last];
-                let found = paper::zupt1(self.record, spans, &self.place, &start, vertical)?;
+                let equations = if keeps { paper::repeat } else { paper::zupt1 };
+                let found = equations(self.record, spans, &self.place, &start, vertical)?;
                 (found.drift, found.azimuth, found.q_nb)
             }
             [] => return Err(Refusal::NoStop.into()),

@@ -207,20 +207,56 @@ pub(super) fn zupt1(
     })
 }
 
+/// The repeated correction, eq. (10)–(13): two stops in navigation mode, the azimuth known from before to about a degree. The level
+/// frame is the computed one, and what is found of its azimuth is the error of the one before.
+pub(super) fn repeat(
+    record: &Record,
+    spans: [Span; 2],
+    place: &Place,
+    start: &Start,
+    vertical: bool,
+) -> Result<PaperResult> {
+    let whole = Span {
+        begin: spans[0].begin,
+        end: spans[1].end,
+    };
+    let run = FreeRun::new(record, whole, place, start);
+    let stops = spans.map(|span| Standing::new(record, &run, span, Taper::None));
+    let [rate1, rate2] = [0, 1].map(|i| place.earth_n + residual_rate(&stops[i], &run, place));
+    let axes = [&stops[0].axes_n, &stops[1].axes_n];
+    let (drift, wrong_by) = if vertical {
+        linear([&rate1, &rate2], axes, place)?
+    } else {
+        quadratic([&rate1, &rate2], axes, place)?
+    };
+    let before = crate::attitude::Euler::from_quaternion(&start.q_nb).heading;
+    let end = run.q_nb[run.q_nb.len() - 1];
+    Ok(PaperResult {
+        drift,
+        azimuth: before + wrong_by,
+        q_nb: exp(&Vector3::new(0.0, 0.0, wrong_by)) * end,
+    })
+}
+
 /// ZUPT-2, eq. (14)–(15): drift from one stop in navigation mode with the azimuth known.
 pub(super) fn zupt2(record: &Record, span: Span, place: &Place, start: &Start) -> Vector3<f64> {
     let run = FreeRun::new(record, span, place, start);
     let standing = Standing::new(record, &run, span, Taper::None);
+    standing.q_nb.inverse() * residual_rate(&standing, &run, place)
+}
+
+/// What turns the computed level frame in a stop, by the bend of the velocity and the slope of the yaw.
+fn residual_rate(standing: &Standing, run: &FreeRun, place: &Place) -> Vector3<f64> {
     let bend = derivative_row::<3>(&standing.t, &standing.weights);
     let slope = derivative_row::<2>(&standing.t, &standing.weights);
+    let from = run.at(standing.span.begin);
     let mut bent = Vector3::zeros();
     let mut yaw = 0.0;
     for (i, (b, s)) in bend.iter().zip(&slope).enumerate() {
-        bent += run.velocity_n[i] * *b;
+        bent += run.velocity_n[from + i] * *b;
         yaw += standing.rocking[i].z * s;
     }
-    let rate = Vector3::new(bent.y / place.gravity, -bent.x / place.gravity, yaw);
-    standing.q_nb.inverse() * rate
+    Vector3::new(bent.y / place.gravity, -bent.x / place.gravity, yaw)
 }
 
 #[cfg(test)]
