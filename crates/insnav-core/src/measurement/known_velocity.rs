@@ -27,3 +27,54 @@ impl Measurement<3> for KnownVelocityModel {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earth::Geodetic;
+    use crate::filter::{CAPACITY, Eskf, InitialSigma};
+    use crate::imu::{ImuErrors, ImuGrade};
+    use crate::mechanization::NavState;
+    use crate::time::Time;
+    use nalgebra::UnitQuaternion;
+
+    /// What a small error does to the residual, through the filter's own ⊞; linear, so that only rounding is left.
+    #[test]
+    fn h_is_the_derivative_of_the_residual() {
+        let nav = NavState {
+            time: Time(0),
+            position: Geodetic::from_degrees(60.0, 30.0, 100.0),
+            velocity_n: Vector3::new(0.3, -0.2, 0.1),
+            q_nb: UnitQuaternion::from_euler_angles(0.1, -0.2, 2.0),
+        };
+        let one = Vector3::repeat(1.0);
+        let sigma = InitialSigma {
+            position: one,
+            velocity: one,
+            attitude: one,
+            gyro_bias: one,
+            accel_bias: one,
+        };
+        let noise = ImuGrade::Navigation.noise();
+        let filter = Eskf::new(nav, ImuErrors::default(), &sigma, noise);
+        let (at, layout) = (filter.nominal(), filter.covariance().layout());
+        let model = KnownVelocityModel {
+            velocity_n: Vector3::new(0.01, 0.02, -0.03),
+            sigma: 1e-3,
+        };
+        let here = model.linearize(at, layout);
+        let size = 1e-3;
+        for state in 0..layout.len() {
+            let mut dx = [0.0; CAPACITY];
+            dx[state] = size;
+            let there = model.linearize(&at.retract(layout, &dx), layout);
+            let slope = (here.residual - there.residual) / size;
+            let mut stated = Vector3::zeros();
+            for (_, column) in here.h.iter().filter(|(j, _)| *j == state) {
+                stated += Vector3::from(*column);
+            }
+            assert!((slope - stated).amax() < 1e-9, "{state}: {slope} {stated}");
+        }
+        assert!(here.h.iter().count() == 3, "and velocity is in it");
+    }
+}
