@@ -11,8 +11,9 @@ use crate::run::Warning;
 use crate::solution::SolutionTable;
 use crate::topics::Role;
 use crate::tum::Trajectory;
+use insnav_core::alignment::EARTH_FIELD;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{ImuSample, Sample};
+use insnav_core::sample::{ImuSample, MagneticField, Sample};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
@@ -85,6 +86,8 @@ pub struct ConvertSummary {
     pub gnss_position: u64,
     /// GNSS velocities.
     pub gnss_velocity: u64,
+    /// Magnetic fields.
+    pub magnetic: u64,
     /// Files written.
     pub outputs: Vec<PathBuf>,
     /// Columns or topics that have no place in the output.
@@ -115,22 +118,30 @@ pub fn csv_to_mcap(
         ImuAxes::Frd => Matrix3::identity(),
         ImuAxes::Flu => FLU_FRD,
     };
+    // Fields first: whoever reads the log has that of an instant when its inertial sample comes.
     let mut samples: Vec<Sample> = imu
-        .samples(options.t0)
-        .map(|s| ImuSample {
-            angular_rate_b: to_frd * s.angular_rate_b,
-            specific_force_b: to_frd * s.specific_force_b,
+        .magnetic_fields(options.t0)
+        .map(|s| MagneticField {
+            field_b: to_frd * s.field_b,
             ..s
         })
-        .map(Sample::Imu)
+        .map(Sample::Magnetic)
         .collect();
     let mut summary = ConvertSummary {
-        imu: samples.len() as u64,
+        imu: imu.t_s.len() as u64,
+        magnetic: samples.len() as u64,
         outputs: vec![output.into()],
         ..Default::default()
     };
-    if !imu.magnetic_field.is_empty() {
-        summary.ignored.push("mx,my,mz".into());
+    summary.warnings.extend(no_microtesla(&samples, inputs));
+    let inertial = imu.samples(options.t0).map(|s| ImuSample {
+        angular_rate_b: to_frd * s.angular_rate_b,
+        specific_force_b: to_frd * s.specific_force_b,
+        ..s
+    });
+    samples.extend(inertial.map(Sample::Imu));
+    if !imu.moving.is_empty() {
+        summary.ignored.push("moving".into());
     }
     if let Some(gnss) = gnss {
         summary.gnss_position = gnss.positions.len() as u64;
@@ -138,7 +149,7 @@ pub fn csv_to_mcap(
         let columns = gnss.ignored.iter().map(|c| (*c).to_owned());
         summary.ignored.extend(columns);
         summary.quality.clone_from(&gnss.quality);
-        summary.warnings.clone_from(&gnss.warnings);
+        summary.warnings.extend_from_slice(&gnss.warnings);
         summary.warnings.extend(apart(&samples, &gnss, inputs));
         samples.extend(gnss.positions.into_iter().map(Sample::GnssPosition));
         samples.extend(gnss.velocities.into_iter().map(Sample::GnssVelocity));
@@ -157,6 +168,31 @@ pub fn csv_to_mcap(
     }
     writer.finish()?;
     Ok(summary)
+}
+
+/// A magnetometer that is not one in microtesla: its direction may be right all the same.
+fn no_microtesla(fields: &[Sample], inputs: &CsvInputs) -> Option<Warning> {
+    let lengths = fields.iter().filter_map(|sample| match sample {
+        Sample::Magnetic(field) => Some(field.field_b.norm() / csv::MICROTESLA),
+        _ => None,
+    });
+    let mean = lengths.sum::<f64>() / fields.len() as f64;
+    let earth = EARTH_FIELD.map(|t| t / csv::MICROTESLA);
+    let normalised = (0.5..2.0).contains(&mean);
+    (!fields.is_empty() && !(earth[0]..=earth[1]).contains(&mean)).then(|| Warning {
+        code: "magnetic_units",
+        message: format!(
+            "{}: mx,my,mz are {mean:.3} long in the mean, not between {:.0} and {:.0} as the Earth's field in microtesla{}: they are \
+             written as if they were microtesla",
+            inputs.imu.display(),
+            earth[0],
+            earth[1],
+            if normalised { "; they look normalised to 1" } else { "" }
+        ),
+        remedy: "nothing has to be done for `insnav ahrs`, which uses the direction of the field alone; `run` takes no heading from such a field: \
+                 multiply the columns by what makes them microtesla"
+            .into(),
+    })
 }
 
 /// Inertial data and fixes that have no time in common: dated fixes call for the date of the inertial data.
@@ -188,6 +224,7 @@ pub fn mcap_to_csv(log: &Log, folder: &Path, force: bool) -> Result<ConvertSumma
     let t0 = log.t0()?.unwrap_or_default();
     let mut imu = ImuTable::default();
     let mut gnss = GnssTable::default();
+    let mut fields = Vec::new();
     let mut summary = ConvertSummary::default();
     for sample in log.samples()? {
         match sample? {
@@ -209,9 +246,14 @@ pub fn mcap_to_csv(log: &Log, folder: &Path, force: bool) -> Result<ConvertSumma
                 gnss.velocity_sigma_n[row] = sigma(sample.covariance_n.as_ref());
                 summary.gnss_velocity += 1;
             }
+            Sample::Magnetic(sample) => {
+                fields.push((sample.time.since(t0), sample.field_b));
+                summary.magnetic += 1;
+            }
             _ => {}
         }
     }
+    imu.magnetic_field = field_rows(&imu.t_s, &fields);
     std::fs::create_dir_all(folder).map_err(|source| LogError::OutputNotWritable {
         path: folder.into(),
         source,
@@ -237,6 +279,31 @@ pub fn mcap_to_csv(log: &Log, folder: &Path, force: bool) -> Result<ConvertSumma
         .filter(|(index, _)| !selected.contains(index));
     summary.ignored = others.map(|(_, topic)| topic.name.clone()).collect();
     Ok(summary)
+}
+
+/// Magnetic fields (seconds and tesla) in the rows of the inertial samples nearest to them, in microtesla; NaN where there is none.
+fn field_rows(t_s: &[f64], fields: &[(f64, Vector3<f64>)]) -> Vec<Vector3<f64>> {
+    if fields.is_empty() || t_s.is_empty() {
+        return Vec::new();
+    }
+    let mut rows = vec![Vector3::repeat(f64::NAN); t_s.len()];
+    let mut distance = vec![f64::INFINITY; t_s.len()];
+    for (t, field) in fields {
+        let after = t_s.partition_point(|row| row < t).min(t_s.len() - 1);
+        let before = after.saturating_sub(1);
+        let off = |row: usize| (t_s[row] - t).abs();
+        let row = if off(before) < off(after) {
+            before
+        } else {
+            after
+        };
+        // Of two fields at one sample the nearer one.
+        if off(row) < distance[row] {
+            distance[row] = off(row);
+            rows[row] = field / csv::MICROTESLA;
+        }
+    }
+    rows
 }
 
 /// The row of an instant: the last one if it has this time, else a new one where nothing is known.
@@ -289,4 +356,29 @@ pub fn is_solution(log: &Log) -> bool {
     log.topics()
         .iter()
         .any(|topic| topic.name == "/insnav/state")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_go_to_the_nearest_row() {
+        let field = |x: f64| Vector3::new(x, 0.0, 0.0);
+        let microtesla = |x: f64| (x, field(x * 1e-6));
+        let rows = field_rows(
+            &[0.0, 1.0, 2.0, 3.0],
+            // Before the begin; two at one row, the nearer one first; past the end.
+            &[
+                microtesla(-5.0),
+                microtesla(1.9),
+                microtesla(2.2),
+                microtesla(9.0),
+            ],
+        );
+        let x: Vec<f64> = rows.iter().map(|r| (r.x * 1e3).round() / 1e3).collect();
+        assert!(x[1].is_nan(), "{x:?}");
+        assert_eq!((x[0], x[2], x[3]), (-5.0, 1.9, 9.0));
+        assert!(field_rows(&[], &[microtesla(1.0)]).is_empty());
+    }
 }

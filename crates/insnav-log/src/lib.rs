@@ -29,6 +29,7 @@ mod log;
 mod log_writer;
 mod mcap_writer;
 mod message;
+mod orientation;
 mod output_file;
 mod problem;
 mod reorder;
@@ -61,6 +62,7 @@ pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource}
 pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
 pub use message::MessageKind;
+pub use orientation::OrientationTable;
 pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs, write_output};
 pub use problem::Problem;
 pub use run::{

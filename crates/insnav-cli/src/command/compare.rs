@@ -4,7 +4,7 @@ use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
 use crate::text;
 use clap::Args;
-use insnav_core::metrics::{CompareOptions, Comparison, compare};
+use insnav_core::metrics::{CompareOptions, Comparison, compare, orientation_mean};
 use insnav_log::{ComparedReference, ComparedSolution, Warning};
 use serde::Serialize;
 use serde_json::Value;
@@ -14,7 +14,9 @@ use std::path::{Path, PathBuf};
 ///
 /// Both may be an MCAP of `run`, a common CSV (gzip or not; any subset of t_s, lat_deg, lon_deg, h_m, vn, ve, vd, roll_deg,
 /// pitch_deg, yaw_deg or heading_deg, qw, qx, qy, qz, and sigmas) or a TUM trajectory, the reference also RTKLIB's .pos or NMEA
-/// sentences; or both are folders, whose files are paired by name. The solution is interpolated to the reference, never extrapolated; for a reference of GNSS fixes it is
+/// sentences; or both are folders, whose files are paired by name. Orientations alone, an MCAP of `ahrs` or a table of quaternions
+/// (t_s, qw, qx, qy, qz: sensor forward-left-up to east, north, up), are scored against a truth_quat.csv as the BROAD benchmark
+/// does: total, heading and inclination, over moving = 1 where there is such a column. The solution is interpolated to the reference, never extrapolated; for a reference of GNSS fixes it is
 /// moved to the antenna. NEES is the mean of e'P⁻¹e per degree of freedom: 1 when the stated uncertainty is right.
 #[derive(Args, Debug)]
 pub(crate) struct Compare {
@@ -195,13 +197,20 @@ impl Compare {
             })
             .collect();
         if self.solution.is_dir() {
-            output.result(&serde_json::json!({ "rows": rows }), || {
-                text::table(
-                    &rows
-                        .iter()
-                        .map(|r| (r.name.clone(), r.comparison.clone()))
-                        .collect::<Vec<_>>(),
-                )
+            let orientations = rows
+                .iter()
+                .filter_map(|r| r.comparison.orientation.as_ref());
+            let mean = orientation_mean(orientations);
+            let mut json = serde_json::json!({ "rows": rows });
+            if mean.trials > 0 {
+                json["mean"] = serde_json::json!(mean);
+            }
+            output.result(&json, || {
+                let named: Vec<(String, Comparison)> = rows
+                    .iter()
+                    .map(|r| (r.name.clone(), r.comparison.clone()))
+                    .collect();
+                text::tables(&named, &mean)
             });
         } else if let [row] = rows.as_slice() {
             output.result(row, || {
@@ -391,6 +400,12 @@ fn name_of(path: &Path) -> String {
     name.split('.').next().unwrap_or_default().to_owned()
 }
 
+/// Whether a file is named as `run` and `ahrs` name what they write.
+fn is_solution_name(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.ends_with(".insnav.mcap") || name.ends_with(".ahrs.mcap")
+}
+
 /// Solutions of one folder with their references in the other: `drive.insnav.mcap` goes with `drive.csv`, `drive.csv.gz`,
 /// `drive.tum` or, in a folder `drive`, `truth`, `truth_quat` or else `gnss`.
 fn pairs(solutions: &Path, references: &Path) -> Result<Vec<(String, PathBuf, PathBuf)>, Failure> {
@@ -435,6 +450,28 @@ fn pairs(solutions: &Path, references: &Path) -> Result<Vec<(String, PathBuf, Pa
             });
         if let Some(reference) = reference {
             found.push((name, solution, reference));
+        }
+    }
+    // A recording beside its own solution is not judged.
+    let solved: Vec<String> = found
+        .iter()
+        .filter(|(_, solution, _)| is_solution_name(solution))
+        .map(|(name, ..)| name.clone())
+        .collect();
+    found.retain(|(name, solution, _)| {
+        is_solution_name(solution)
+            || !solved.contains(name)
+            || solution.extension().is_none_or(|e| e != "mcap")
+    });
+    // Two solutions of one recording are told apart by the whole of their names.
+    let names: Vec<String> = found.iter().map(|(name, ..)| name.clone()).collect();
+    for (name, solution, _) in &mut found {
+        if names.iter().filter(|other| *other == name).count() > 1 {
+            *name = solution
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
         }
     }
     if found.is_empty() {

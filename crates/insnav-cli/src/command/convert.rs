@@ -12,8 +12,8 @@ use insnav_log::convert::{
     ConvertOptions, CsvInputs, DEFAULT_T0, csv_to_mcap, is_solution, mcap_to_csv,
 };
 use insnav_log::{
-    ExportFormat, ImuAxes, Log, LogSettings, LogWriterOptions, Warning, check_output, export,
-    is_standard_stream,
+    ExportFormat, ImuAxes, Log, LogSettings, LogWriterOptions, OrientationTable, Warning,
+    check_output, export, is_standard_stream,
 };
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -24,7 +24,8 @@ use std::path::{Path, PathBuf};
 ///
 /// What is meant follows from the input and the ending of the output: a folder with imu.csv (and gnss.csv), or an imu.csv
 /// itself, becomes a log OUT.mcap; a log becomes a folder OUT with imu.csv.gz and gnss.csv.gz; a solution becomes OUT.csv or
-/// OUT.tum with every epoch, or OUT.kml or OUT.geojson with five points a second. Heights are above the ellipsoid; KML, whose
+/// OUT.tum with every epoch, or OUT.kml or OUT.geojson with five points a second; an orientation of `ahrs` becomes OUT.csv with its
+/// quaternions. A magnetometer's columns mx,my,mz are microtesla. Heights are above the ellipsoid; KML, whose
 /// heights would be above the sea, is laid on the ground.
 #[derive(Args, Debug)]
 pub(crate) struct Convert {
@@ -92,6 +93,7 @@ struct Converted {
     imu_samples: Option<u64>,
     gnss_positions: Option<u64>,
     gnss_velocities: Option<u64>,
+    magnetic_fields: Option<u64>,
     epochs: Option<usize>,
     ignored: Vec<String>,
     gnss_quality: BTreeMap<&'static str, u64>,
@@ -154,6 +156,22 @@ impl Convert {
             converted.outputs.push(self.output.clone());
             return Ok(converted);
         }
+        if OrientationTable::is_in(&log) {
+            if ending != "csv" {
+                return Err(Failure::usage(
+                    format!(
+                        "{}: an orientation is converted to CSV",
+                        self.output.display()
+                    ),
+                    "give the output the ending .csv or .csv.gz",
+                ));
+            }
+            let table = OrientationTable::from_mcap(&log)?;
+            table.write_csv(&self.output, self.force)?;
+            converted.epochs = Some(table.time.len());
+            converted.outputs.push(self.output.clone());
+            return Ok(converted);
+        }
         log.require(insnav_log::Role::Imu)?;
         if !ending.is_empty() {
             return Err(Failure::usage(
@@ -169,6 +187,7 @@ impl Convert {
         converted.imu_samples = Some(summary.imu);
         converted.gnss_positions = Some(summary.gnss_position);
         converted.gnss_velocities = Some(summary.gnss_velocity);
+        converted.magnetic_fields = Some(summary.magnetic);
         converted.ignored = summary.ignored;
         Ok(converted)
     }
@@ -209,6 +228,7 @@ impl Convert {
             imu_samples: Some(summary.imu),
             gnss_positions: Some(summary.gnss_position),
             gnss_velocities: Some(summary.gnss_velocity),
+            magnetic_fields: Some(summary.magnetic),
             epochs: None,
             ignored: summary.ignored,
             gnss_quality: summary.quality,
@@ -236,7 +256,11 @@ fn summary(c: &Converted) -> String {
     let mut text = format!("{} → {}\n", c.input.display(), outputs.join(", "));
     if let (Some(imu), Some(p), Some(v)) = (c.imu_samples, c.gnss_positions, c.gnss_velocities) {
         text.push_str(&format!(
-            "  {imu} inertial samples, {p} positions, {v} velocities\n"
+            "  {imu} inertial samples, {p} positions, {v} velocities{}\n",
+            match c.magnetic_fields {
+                Some(n) if n > 0 => format!(", {n} magnetic fields"),
+                _ => String::new(),
+            }
         ));
     }
     if !c.gnss_quality.is_empty() {

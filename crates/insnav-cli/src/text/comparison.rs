@@ -1,7 +1,7 @@
 //! A comparison as a table of classes, and several as a table of recordings.
 
 use super::{maybe, short};
-use insnav_core::metrics::{Comparison, ErrorStatistics};
+use insnav_core::metrics::{Comparison, ErrorStatistics, OrientationMean};
 
 /// One comparison.
 pub(crate) fn comparison(solution: &str, reference: &str, c: &Comparison) -> String {
@@ -95,14 +95,70 @@ pub(crate) fn comparison(solution: &str, reference: &str, c: &Comparison) -> Str
     text
 }
 
+/// Several comparisons: those of orientations with their mean, the others as drives.
+pub(crate) fn tables(rows: &[(String, Comparison)], mean: &OrientationMean) -> String {
+    let drive = |c: &Comparison| c.orientation.is_none() && c.all.horizontal_rms_m.is_some();
+    let (drives, trials): (Vec<_>, Vec<_>) =
+        rows.iter().partition(|(_, c)| mean.trials == 0 || drive(c));
+    let mut text = String::new();
+    if !drives.is_empty() {
+        text.push_str(&table(&drives));
+    }
+    if !trials.is_empty() {
+        text.push_str(&orientations(&trials, mean));
+    }
+    text
+}
+
+fn width(rows: &[&(String, Comparison)]) -> usize {
+    let names = rows.iter().map(|(name, _)| name.chars().count());
+    names.max().unwrap_or(0).max(9)
+}
+
+/// Orientation errors as a benchmark counts them, one line a trial.
+fn orientations(rows: &[&(String, Comparison)], mean: &OrientationMean) -> String {
+    let width = width(rows);
+    let mut text = format!(
+        "{:<width$}{:>8}{:>10}{:>10}{:>10}{:>10}\n",
+        "trial", "points", "total °", "head °", "incl °", "in 95 %"
+    );
+    let mut line = |name: &str, points: &str, numbers: [Option<f64>; 4]| {
+        text.push_str(&format!("{name:<width$}{points:>8}"));
+        let [total, heading, inclination, coverage] = numbers;
+        for x in [total, heading, inclination, coverage.map(|x| 100.0 * x)] {
+            text.push_str(&format!("{:>10}", maybe(x)));
+        }
+        text.push('\n');
+    };
+    for (name, c) in rows {
+        let o = c.orientation.unwrap_or_default();
+        line(
+            name,
+            &o.count.to_string(),
+            [
+                o.total_rmse_deg,
+                o.heading_rmse_deg,
+                o.inclination_rmse_deg,
+                o.coverage_95,
+            ],
+        );
+    }
+    line(
+        "mean",
+        "",
+        [
+            mean.total_rmse_deg,
+            mean.heading_rmse_deg,
+            mean.inclination_rmse_deg,
+            mean.pooled_coverage_95,
+        ],
+    );
+    text
+}
+
 /// Several comparisons, one line each.
-pub(crate) fn table(rows: &[(String, Comparison)]) -> String {
-    let width = rows
-        .iter()
-        .map(|(name, _)| name.chars().count())
-        .max()
-        .unwrap_or(0)
-        .max(9);
+fn table(rows: &[&(String, Comparison)]) -> String {
+    let width = width(rows);
     let mut text = format!(
         "{:<width$}{:>8}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}\n",
         "recording",

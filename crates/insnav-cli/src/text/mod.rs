@@ -9,7 +9,7 @@ mod run_summary;
 mod simulated;
 
 pub(crate) use aligned::aligned;
-pub(crate) use comparison::{comparison, table};
+pub(crate) use comparison::{comparison, tables};
 pub(crate) use demo_report::demo_report;
 pub(crate) use log_report::log_report;
 pub(crate) use reproduced::reproduced;

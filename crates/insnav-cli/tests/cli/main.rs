@@ -9,6 +9,7 @@ mod findings;
 mod fixture;
 mod formats;
 mod info;
+mod orientation;
 mod outputs;
 mod parts;
 mod real_data;

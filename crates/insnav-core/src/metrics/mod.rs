@@ -19,7 +19,10 @@ pub use course::{Course, heading_minus_course};
 pub use errors::{Coverage, ErrorStatistics, Nees, PointError};
 pub use estimate::Estimate;
 pub use mounting::mean_rotation;
-pub use orientation::{OrientationErrors, OrientationPair, orientation_errors, to_enu_flu};
+pub use orientation::{
+    OrientationErrors, OrientationMean, OrientationPair, orientation_errors, orientation_mean,
+    to_enu_flu,
+};
 pub use reference::{AttitudeReference, ReferencePoint};
 pub use standing::{DetectedStop, Stop, StopFinder, false_standing_s, stop_delays};
 pub use track::{SolutionPoint, Track};

@@ -7,6 +7,9 @@ use serde::Serialize;
 /// Errors of an orientation against an optical one, no alignment between them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct OrientationErrors {
+    /// Instants scored.
+    #[serde(rename = "orientation_count")]
+    pub count: usize,
     /// Root mean square of the whole angle 2 acos|w|, degrees.
     pub total_rmse_deg: Option<f64>,
     /// Of the part about the vertical, 2 atan|z/w|.
@@ -57,11 +60,59 @@ pub fn orientation_errors(pairs: &[OrientationPair]) -> OrientationErrors {
         })
         .collect();
     OrientationErrors {
+        count: pairs.len(),
         total_rmse_deg: of(|q| 2.0 * q.w.abs().min(1.0).acos()),
         heading_rmse_deg: of(|q| 2.0 * q.k.abs().atan2(q.w.abs())),
         inclination_rmse_deg: of(|q| 2.0 * q.w.hypot(q.k).min(1.0).acos()),
         coverage_95: (!inside.is_empty())
             .then(|| inside.iter().filter(|&&i| i).count() as f64 / inside.len() as f64),
+    }
+}
+
+/// The trials of a benchmark in one line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OrientationMean {
+    /// Trials that have a score.
+    pub trials: usize,
+    /// Mean of the trials' [`OrientationErrors::total_rmse_deg`], every trial with the same weight.
+    pub total_rmse_deg: Option<f64>,
+    /// Of their heading errors.
+    pub heading_rmse_deg: Option<f64>,
+    /// Of their inclination errors.
+    pub inclination_rmse_deg: Option<f64>,
+    /// Share inside the 95 % ellipsoid of all instants of all trials together.
+    pub pooled_coverage_95: Option<f64>,
+    /// The same share in the trial where it is smallest.
+    pub least_coverage_95: Option<f64>,
+}
+
+/// Means over trials.
+pub fn orientation_mean<'a>(
+    trials: impl IntoIterator<Item = &'a OrientationErrors>,
+) -> OrientationMean {
+    let trials: Vec<&OrientationErrors> = trials.into_iter().filter(|t| t.count > 0).collect();
+    let mean = |of: fn(&OrientationErrors) -> Option<f64>| {
+        let values: Vec<f64> = trials.iter().filter_map(|t| of(t)).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let covered: Vec<(f64, f64)> = trials
+        .iter()
+        .filter_map(|t| Some((t.coverage_95?, t.count as f64)))
+        .collect();
+    let instants: f64 = covered.iter().map(|(_, count)| count).sum();
+    OrientationMean {
+        trials: trials.len(),
+        total_rmse_deg: mean(|t| t.total_rmse_deg),
+        heading_rmse_deg: mean(|t| t.heading_rmse_deg),
+        inclination_rmse_deg: mean(|t| t.inclination_rmse_deg),
+        pooled_coverage_95: (instants > 0.0).then(|| {
+            covered
+                .iter()
+                .map(|(share, count)| share * count)
+                .sum::<f64>()
+                / instants
+        }),
+        least_coverage_95: covered.iter().map(|(share, _)| *share).reduce(f64::min),
     }
 }
 
@@ -90,6 +141,27 @@ mod tests {
         let total = 2.0 * ((heading / 2.0).cos() * (inclination / 2.0).cos()).acos();
         assert!((e.total_rmse_deg.unwrap().to_radians() - total).abs() < 1e-9);
         assert_eq!(e.coverage_95, None);
+    }
+
+    #[test]
+    fn trials_have_the_same_weight_and_instants_are_pooled() {
+        let trial = |count, total, coverage_95| OrientationErrors {
+            count,
+            total_rmse_deg: Some(total),
+            coverage_95,
+            ..OrientationErrors::default()
+        };
+        let nothing = OrientationErrors::default();
+        let mean = orientation_mean(&[
+            trial(100, 1.0, Some(0.9)),
+            trial(300, 3.0, Some(0.5)),
+            trial(50, 5.0, None),
+            nothing,
+        ]);
+        assert_eq!((mean.trials, mean.total_rmse_deg), (3, Some(3.0)));
+        assert_eq!(mean.heading_rmse_deg, None);
+        assert_eq!(mean.least_coverage_95, Some(0.5));
+        assert!((mean.pooled_coverage_95.unwrap() - 0.6).abs() < 1e-15);
     }
 
     #[test]

@@ -101,7 +101,11 @@ fn of_solution(other: &ComparedSolution) -> Vec<ReferencePoint> {
             .q_nb
             .map(|q| insnav_core::attitude::Euler::from_quaternion(&q))
         {
-            // As angles: quaternions would call for the keys of an orientation benchmark.
+            // Of what turns and goes nowhere, as benchmarks of orientation have it.
+            Some(_) if p.position.is_none() => p
+                .q_nb
+                .map_or(AttitudeReference::None, AttitudeReference::Quaternion),
+            // As angles: quaternions would call for the keys of such a benchmark.
             Some(e) => AttitudeReference::Angles {
                 roll: e.roll,
                 pitch: e.pitch,

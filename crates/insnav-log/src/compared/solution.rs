@@ -1,7 +1,10 @@
 //! A solution to be judged.
 
 use super::{is_mcap, is_tum};
-use crate::log::METADATA_T0;
+use crate::convert::is_solution;
+use crate::csv::Table;
+use crate::log::{Log, METADATA_T0, ReadOptions};
+use crate::orientation::OrientationTable;
 use crate::run::Withhold;
 use crate::tum::Trajectory;
 use crate::{LogError, SolutionTable, parse_config};
@@ -31,7 +34,8 @@ pub struct ComparedSolution {
 }
 
 impl ComparedSolution {
-    /// Read an MCAP of [`crate::McapSink`], a common CSV (also a `gnss.csv`), or a TUM trajectory.
+    /// Read an MCAP of [`crate::McapSink`], an orientation (an MCAP of `insnav ahrs`, or a table of quaternions), a common CSV (also
+    /// a `gnss.csv`), or a TUM trajectory.
     ///
     /// A TUM trajectory lies around `map_origin`, which another file has to tell.
     pub fn read(path: &Path, map_origin: Option<Geodetic>) -> Result<Self, LogError> {
@@ -45,6 +49,20 @@ impl ComparedSolution {
                 map_origin,
                 ..ComparedSolution::of(&table)
             });
+        }
+        if is_mcap(path)? {
+            let log = Log::open(path, ReadOptions::default())?;
+            if !is_solution(&log) {
+                return Ok(of_orientation(&OrientationTable::from_mcap(&log)?));
+            }
+        } else {
+            let table = Table::read(path)?;
+            if OrientationTable::is_csv(&table) {
+                return Ok(of_orientation(&OrientationTable::from_csv(
+                    &table,
+                    Time(0),
+                )?));
+            }
         }
         Ok(ComparedSolution::of(&SolutionTable::read(path)?))
     }
@@ -74,6 +92,21 @@ impl ComparedSolution {
                 .get("origin_lat_lon_deg_h_m")
                 .and_then(|text| map_origin(text)),
         }
+    }
+}
+
+/// What turns, wherever it is.
+fn of_orientation(table: &OrientationTable) -> ComparedSolution {
+    let points = (0..table.time.len()).map(|i| SolutionPoint {
+        time: table.time[i],
+        q_nb: Some(table.q_nb[i]),
+        attitude_covariance_n: table.covariance_n[i],
+        ..SolutionPoint::default()
+    });
+    ComparedSolution {
+        track: Track::new(points.collect()),
+        origin: table.t0().unwrap_or(Time(0)),
+        ..ComparedSolution::default()
     }
 }
 

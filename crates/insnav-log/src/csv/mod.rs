@@ -9,11 +9,13 @@ mod write;
 
 pub use table::Table;
 pub(crate) use table::{open_text, read_line};
+pub(crate) use tables::MICROTESLA;
 pub use tables::{
     GnssTable, ImuTable, QuaternionTable, SpeedTable, TruthTable, read_gnss, read_imu, read_speed,
     read_truth, read_truth_quat,
 };
 pub(crate) use write::{
-    SOLUTION_HEADER, not_writable, write as write_text, write_epochs, write_or as write_text_or,
+    Cell, SOLUTION_HEADER, not_writable, write as write_text, write_epochs,
+    write_or as write_text_or,
 };
 pub use write::{write_gnss, write_imu, write_solution, write_truth};

@@ -3,10 +3,13 @@
 use super::Table;
 use crate::error::LogError;
 use insnav_core::earth::Geodetic;
-use insnav_core::sample::{GnssPosition, GnssVelocity, ImuSample};
+use insnav_core::sample::{GnssPosition, GnssVelocity, ImuSample, MagneticField};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use std::path::Path;
+
+/// One microtesla in tesla.
+pub(crate) const MICROTESLA: f64 = 1e-6;
 
 /// `imu.csv`: `t_s,gx,gy,gz,ax,ay,az[,mx,my,mz][,moving]`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,6 +51,18 @@ impl ImuTable {
             angular_rate_b: self.angular_rate[i],
             specific_force_b: self.specific_force[i],
         })
+    }
+
+    /// The magnetic fields in tesla, with `t_s` counted from `t0`; none where a cell is empty or NaN.
+    pub fn magnetic_fields(&self, t0: Time) -> impl Iterator<Item = MagneticField> + '_ {
+        self.t_s
+            .iter()
+            .zip(&self.magnetic_field)
+            .filter(|(_, field)| field.iter().all(|x| x.is_finite()))
+            .map(move |(t_s, field)| MagneticField {
+                time: t0.plus(*t_s),
+                field_b: field * MICROTESLA,
+            })
     }
 }
 

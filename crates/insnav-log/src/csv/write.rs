@@ -30,7 +30,7 @@ pub fn write_imu(path: &Path, table: &ImuTable, force: bool) -> Result<(), LogEr
             )?;
             if with_field {
                 let m = table.magnetic_field[i];
-                write!(out, ",{},{},{}", m.x, m.y, m.z)?;
+                write!(out, ",{},{},{}", Cell(m.x), Cell(m.y), Cell(m.z))?;
             }
             writeln!(out)?;
         }
@@ -171,7 +171,7 @@ pub(crate) fn write_epochs(
 }
 
 /// A number as shortest text that reads back the same; NaN in lower case, as other programs write it.
-struct Cell(f64);
+pub(crate) struct Cell(pub(crate) f64);
 
 impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
