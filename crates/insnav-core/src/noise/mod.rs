@@ -43,6 +43,8 @@ mod mdm;
 mod model;
 mod mohamed_schwarz;
 #[cfg(feature = "std")]
+mod record;
+#[cfg(feature = "std")]
 mod refusal;
 #[cfg(feature = "std")]
 mod solve;
@@ -75,6 +77,11 @@ pub use mdm::{MdmOptions, attitude_differences, mdm_estimate};
 #[cfg(feature = "std")]
 pub use model::{LinearModel, StationaryFilter};
 pub use mohamed_schwarz::{ForgettingProcessNoise, MohamedSchwarz};
+#[cfg(feature = "std")]
+pub use record::{
+    AxisStability, BiasNoise, HeadingNoise, IdentifyOptions, Known, NoiseReading, RecordNoise,
+    RestStability, TiltNoise, WindowNoise, identify_noise, rest_stability,
+};
 #[cfg(feature = "std")]
 pub use refusal::Refusal;
 #[cfg(feature = "std")]

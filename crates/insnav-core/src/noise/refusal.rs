@@ -1,5 +1,6 @@
 //! Why an identification of noise is refused.
 
+use std::boxed::Box;
 use std::string::String;
 use std::vec::Vec;
 
@@ -83,6 +84,14 @@ pub enum Refusal {
         /// How many values it takes.
         distinct: usize,
     },
+    /// A channel that hardly ever changes.
+    #[error(
+        "{percent:.0} % of its samples repeat the one before: its steps are coarser than its noise, or it comes at a lower rate"
+    )]
+    Repeats {
+        /// How often, %.
+        percent: f64,
+    },
     /// A channel that stays at the end of its range.
     #[error(
         "channel {channel} is at {value} in {percent:.1} % of its samples, the end of its range: leave these stretches out"
@@ -93,6 +102,28 @@ pub enum Refusal {
         /// The value.
         value: f64,
         /// How often, %.
+        percent: f64,
+    },
+    /// One axis of an inertial record cannot be used.
+    #[error("{axis}: {why}")]
+    Axis {
+        /// Which one.
+        axis: &'static str,
+        /// Why.
+        why: Box<Refusal>,
+    },
+    /// Samples that are not at equal steps, by more than jitter.
+    #[error(
+        "the steps between samples are not equal: {percent:.1} % of them are more than a quarter off {step_s} s, first at {at_s:.3} s ({found_s:.4} s): the stamps are not those of the sensor, take those of the other clock"
+    )]
+    UnevenSteps {
+        /// Where it begins, s.
+        at_s: f64,
+        /// The step there, s.
+        found_s: f64,
+        /// The usual step, s.
+        step_s: f64,
+        /// Share of such steps, %.
         percent: f64,
     },
     /// A weight or a model covariance that cannot be inverted.
