@@ -67,7 +67,8 @@ pub(crate) fn record(
     let rate = |t: f64| match motion {
         Motion::Rest => Vector3::zeros(),
         Motion::Turning(most) => {
-            Vector3::new((0.9 * t).sin(), (0.7 * t).cos(), (0.5 * t + 1.0).sin()) * most.to_radians()
+            Vector3::new((0.9 * t).sin(), (0.7 * t).cos(), (0.5 * t + 1.0).sin())
+                * most.to_radians()
         }
     };
     let dt = unit.step_s;
@@ -91,7 +92,9 @@ pub(crate) fn record(
             let body = |v: Vector3<f64>| attitude.inverse() * v;
             NoiseReading {
                 time: Time::from_seconds(t),
-                angular_rate_b: rate(t) + GYRO_BIAS + gyro.normal3() * (unit.gyro_white / dt.sqrt()),
+                angular_rate_b: rate(t)
+                    + GYRO_BIAS
+                    + gyro.normal3() * (unit.gyro_white / dt.sqrt()),
                 specific_force_b: body(Vector3::z() * 9.81 + push)
                     + ACCEL_BIAS
                     + accel.normal3() * (unit.accel_white / dt.sqrt()),

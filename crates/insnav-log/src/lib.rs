@@ -66,6 +66,11 @@ pub use orientation::OrientationTable;
 pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs, write_output};
 pub use problem::Problem;
 pub use run::{
+    AccelDeviation, AccelFit, Allan, Als, AlsHeading, AlsWindow, Fits, GyroDeviation, GyroFit,
+    Identified, LogNoise, NoiseReadings, NoiseRequest, VarianceErrors, WithError,
+    identify_log_noise, noise_readings,
+};
+pub use run::{
     AidingReport, AlignNoise, AlignReport, AlignRequest, AlignedStop, AlignmentReport, Clocks,
     Estimate, FinalReport, ImuOnlyReport, KnownStart, LatitudeSource, NoiseReport, Plan,
     ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport, SolutionSink, Source,

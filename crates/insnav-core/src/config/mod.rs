@@ -121,6 +121,10 @@ impl Config {
         positive("noise.accel_bias_mg", noise.accel_bias_mg)?;
         positive("noise.gyro_bias_tau_s", noise.gyro_bias_tau_s)?;
         positive("noise.accel_bias_tau_s", noise.accel_bias_tau_s)?;
+        positive(
+            "noise.magnetometer_microtesla",
+            noise.magnetometer_microtesla,
+        )?;
         check(
             "alignment.heading_deg",
             alignment.heading_deg,
@@ -450,6 +454,8 @@ pub struct NoiseConfig {
     pub gyro_bias_tau_s: Option<f64>,
     /// Correlation time of the accelerometer bias, s.
     pub accel_bias_tau_s: Option<f64>,
+    /// White noise of one sample of the magnetometer, on each axis, µT: for attitude filters, no run uses it.
+    pub magnetometer_microtesla: Option<f64>,
 }
 
 impl NoiseConfig {

@@ -84,6 +84,23 @@ pub enum RunError {
         /// The inertial data, s.
         span: f64,
     },
+    /// Noise that cannot be identified.
+    #[error(transparent)]
+    Noise(insnav_core::noise::Refusal),
+    /// A part of the log of which there are no inertial data.
+    #[error(
+        "the part from {from} to {to} s has no inertial data: they reach from {imu_begin:.3} to {imu_end:.3} s"
+    )]
+    PartOutside {
+        /// Begin of the part, s after the log's zero.
+        from: f64,
+        /// Its end.
+        to: f64,
+        /// First IMU stamp, s after the log's zero.
+        imu_begin: f64,
+        /// Last IMU stamp.
+        imu_end: f64,
+    },
     /// An alignment without a latitude.
     #[error("no latitude: the log has no GNSS position, and none is given")]
     NoLatitude,
@@ -146,6 +163,8 @@ impl RunError {
             RunError::Navigator(CoreError::Alignment(refusal)) => refusal.code(),
             RunError::Navigator(_) => "navigator",
             RunError::NoLatitude => "no_latitude",
+            RunError::Noise(refusal) => super::noise::code(refusal),
+            RunError::PartOutside { .. } => "part_outside",
             RunError::NoStops { .. } => "no_stops",
             RunError::NoImu => "no_imu_samples",
             RunError::Unusable { finding, .. } => finding.code,
@@ -180,6 +199,8 @@ impl RunError {
             }
             RunError::Navigator(CoreError::NotFinite { .. }) => "check the driver that gives it".into(),
             RunError::Navigator(CoreError::Alignment(refusal)) => refusal.parts().1,
+            RunError::Noise(refusal) => super::noise::remedy(refusal).into(),
+            RunError::PartOutside { .. } => "give `--from` and `--to` in seconds from the zero that `insnav info` prints".into(),
             RunError::NoLatitude => "give it: `--latitude-deg`, or output.origin in the settings".into(),
             RunError::NoStops { .. } => "give the windows yourself: `--stop 40:200`, in seconds from the zero that `insnav info` prints".into(),
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),

@@ -17,6 +17,9 @@ mod doubts;
 mod error;
 mod execute;
 mod known_start;
+mod noise;
+mod noise_block;
+mod noise_readings;
 mod oddities;
 mod plan;
 mod report;
@@ -36,6 +39,11 @@ pub use alignment::{
 pub use clocks::Clocks;
 pub use error::RunError;
 pub use known_start::KnownStart;
+pub use noise::{
+    AccelDeviation, AccelFit, Allan, Als, AlsHeading, AlsWindow, Fits, GyroDeviation, GyroFit,
+    Identified, LogNoise, NoiseRequest, VarianceErrors, WithError, identify_log_noise,
+};
+pub use noise_readings::{NoiseReadings, noise_readings};
 pub use oddities::find;
 pub use plan::{Plan, RunOptions};
 pub use report::{

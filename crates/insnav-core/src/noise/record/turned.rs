@@ -6,10 +6,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::vec::Vec;
 
 /// What is constant in a window and no noise, as it is likely to be: gyro bias, rad/s; accelerometer bias over gravity; iron over
-/// the horizontal field; delay, s. Less than the data tell, so that columns are left out where even this would not show.
+/// the horizontal field; delay, s. Columns are left out where even this would not show: at rest a bias cannot be told from gravity or
+/// field, and its column, which the noise of the gyros turns, would take that noise away.
 const GYRO_BIAS: f64 = 0.02;
 const ACCEL_BIAS: f64 = 0.05;
-const IRON: f64 = 0.5;
+const IRON: f64 = 0.05;
 const DELAY: f64 = 0.005;
 
 /// What the window is linearised about.
