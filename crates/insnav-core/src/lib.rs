@@ -11,6 +11,7 @@
 //! the crate is `no_std` (choose `libm`), allocates nothing, and begins at a known state ([`navigator::Navigator::aligned`]).
 #![cfg_attr(not(feature = "std"), no_std)]
 
+pub mod ahrs;
 pub mod alignment;
 pub mod attitude;
 #[cfg(feature = "std")]

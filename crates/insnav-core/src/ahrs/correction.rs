@@ -1,0 +1,123 @@
+//! The measurements of an interval: a velocity about zero, a rate at rest, a field.
+
+use super::block::Block;
+use super::settings::FieldSettings;
+use super::state::{ATTITUDE, Covariance, DELAY, DISTURBANCE, Errors, FIELD, OFFSET, SIZE, State};
+use crate::attitude::skew;
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+/// Errors and covariance while measurements are taken one after the other about the same estimate.
+pub(super) struct Correction<'a> {
+    pub(super) errors: Errors,
+    pub(super) covariance: &'a mut Covariance,
+}
+
+/// What a field is to the filter: its residual with matrix and noise, and the residual's square in units of what was expected.
+pub(super) struct FieldResidual {
+    residual: Vector3<f64>,
+    gain_rows: SMatrix<f64, SIZE, 3>,
+    expected: Matrix3<f64>,
+    /// Normalised innovation squared, a third of it: one is what is expected.
+    pub(super) ratio: f64,
+}
+
+impl<'a> Correction<'a> {
+    pub(super) fn new(covariance: &'a mut Covariance) -> Self {
+        Correction {
+            errors: Errors::zeros(),
+            covariance,
+        }
+    }
+
+    /// State `at` of the errors is measured to be `residual`.
+    pub(super) fn state(&mut self, at: usize, residual: f64, variance: f64) {
+        let column = self.covariance.column(at).into_owned();
+        let expected = column[at] + variance;
+        let innovation = residual - self.errors[at];
+        self.errors.axpy(innovation / expected, &column, 1.0);
+        subtract_square(self.covariance, &(column / expected.sqrt()));
+    }
+
+    /// What the mean field of a block says, `None` where that is not positive definite.
+    ///
+    /// ```text
+    /// C m − (h + d) − C o = δh + δd + C δo + (h + d)× θ + (∂/∂τ) δτ
+    /// ```
+    pub(super) fn field(
+        &self,
+        state: &State,
+        block: &Block,
+        scale: f64,
+        settings: &FieldSettings,
+    ) -> Option<FieldResidual> {
+        let count = f64::from(block.fields);
+        let (mean, turned) = (block.field / count, block.attitudes / count);
+        let (outer, per_delay) = (state.outer_field(), block.per_delay / count);
+        let about = skew(&outer);
+        // P Hᵀ, by the columns of P that H takes.
+        let p = &*self.covariance;
+        let mut gain_rows = SMatrix::<f64, SIZE, 3>::zeros();
+        let field_state = [Some(FIELD), None, Some(FIELD + 1)];
+        for row in 0..3 {
+            let mut column = p.column(DISTURBANCE + row).into_owned();
+            for k in 0..3 {
+                column.axpy(about[(row, k)], &p.column(ATTITUDE + k), 1.0);
+                column.axpy(turned[(row, k)], &p.column(OFFSET + k), 1.0);
+            }
+            column.axpy(per_delay[row], &p.column(DELAY), 1.0);
+            if let Some(at) = field_state[row] {
+                column += p.column(at);
+            }
+            gain_rows.set_column(row, &column);
+        }
+        let times_h = |x: &dyn Fn(usize) -> f64, row: usize| {
+            let mut sum = x(DISTURBANCE + row) + per_delay[row] * x(DELAY);
+            for k in 0..3 {
+                sum += about[(row, k)] * x(ATTITUDE + k) + turned[(row, k)] * x(OFFSET + k);
+            }
+            sum + field_state[row].map_or(0.0, x)
+        };
+        let independent = count.min((block.time * settings.rate_hz).max(1.0));
+        let variance = (settings.sigma * scale).powi(2) / independent
+            + settings.stamp_sigma.powi(2) * block.per_stamp_squared / count;
+        let expected = Matrix3::from_fn(|i, j| {
+            times_h(&|at| gain_rows[(at, j)], i) + if i == j { variance } else { 0.0 }
+        });
+        let residual = mean - outer - turned * state.offset;
+        let innovation = residual - Vector3::from_fn(|i, _| times_h(&|at| self.errors[at], i));
+        let weighed = expected.cholesky()?.solve(&innovation);
+        Some(FieldResidual {
+            residual: innovation,
+            gain_rows,
+            expected,
+            ratio: innovation.dot(&weighed) / 3.0,
+        })
+    }
+
+    /// Takes a field that is believed.
+    pub(super) fn take(&mut self, field: &FieldResidual) {
+        let Some(root) = field.expected.cholesky() else {
+            return;
+        };
+        // W = P Hᵀ L⁻ᵀ, so that P − W Wᵀ stays symmetric to the last bit.
+        let lower = root.l();
+        let Some(w_t) = lower.solve_lower_triangular(&field.gain_rows.transpose()) else {
+            return;
+        };
+        let Some(white) = lower.solve_lower_triangular(&field.residual) else {
+            return;
+        };
+        for k in 0..3 {
+            let w = w_t.row(k).transpose();
+            self.errors.axpy(white[k], &w, 1.0);
+            subtract_square(self.covariance, &w);
+        }
+    }
+}
+
+/// P ← P − w wᵀ, symmetric to the last bit.
+fn subtract_square(p: &mut Covariance, w: &Errors) {
+    for j in 0..SIZE {
+        p.column_mut(j).axpy(-w[j], w, 1.0);
+    }
+}

@@ -1,0 +1,510 @@
+//! The filter: attitude at every sample, corrections every twentieth of a second.
+
+use super::block::Block;
+use super::correction::Correction;
+use super::history::History;
+use super::propagation::{Propagation, Variances};
+use super::rest::Rest;
+use super::settings::AhrsSettings;
+use super::start::{Level, Start};
+use super::state::{
+    ATTITUDE, Covariance, DISTURBANCE, Errors, FIELD, GYRO_BIAS, OFFSET, SIZE, State, VELOCITY,
+};
+use crate::attitude::{Euler, exp};
+use crate::error::{Error, Result};
+use crate::sample::{ImuSample, MagneticField};
+use crate::time::Time;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+
+/// A longer time without samples is not bridged: levelling begins anew, biases and calibration stay, s.
+const LONGEST_GAP: f64 = 0.5;
+/// Fields that may wait for an inertial sample.
+const FIELDS: usize = 16;
+/// Share of the range at which a gyro saturates: calibration moves the limit by a few hundredths.
+const SATURATED: f64 = 0.97;
+/// What a saturated gyro may read too little, as a share of its range.
+const UNSEEN_RATE: f64 = 0.5;
+/// For how long that stays the same, s.
+const UNSEEN_TIME: f64 = 0.3;
+/// Velocity error at the start, m/s.
+const START_VELOCITY: f64 = 0.3;
+/// Correlation time of a body's velocity at rest (wind, a hand), s.
+const REST_VELOCITY_TAU: f64 = 0.1;
+/// Time over which the residuals of fields are looked at, s.
+const FIELD_MEMORY: f64 = 0.5;
+/// Heading after a gap without a magnetometer: none is known, rad.
+const HEADING_UNKNOWN: f64 = 1.81;
+
+/// Orientation at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AhrsEpoch {
+    /// Stamp of the inertial sample.
+    pub time: Time,
+    /// Rotation from the body (forward-right-down) to magnetic north, east, down; without a field north is where it began.
+    pub attitude: UnitQuaternion<f64>,
+    /// Covariance of the attitude error θ, true = Exp(θ) ∘ estimate, level axes, rad².
+    pub covariance: Matrix3<f64>,
+    /// Gyro bias, body, rad/s.
+    pub gyro_bias: Vector3<f64>,
+    /// Whether the body rests.
+    pub rests: bool,
+    /// Whether a gyro saturates now.
+    pub saturated: bool,
+    /// Whether the heading comes from a magnetometer.
+    pub magnetic: bool,
+}
+
+/// What a correction did, for the smoother.
+#[derive(Clone, Debug)]
+pub(super) struct Corrected {
+    /// Dynamics from the correction before; `None` where a start lies between.
+    pub(super) propagation: Option<Propagation>,
+    pub(super) predicted: State,
+    pub(super) corrected: State,
+    pub(super) covariance: Covariance,
+}
+
+/// Attitude and heading reference: gyro and accelerometer, and a magnetometer where there is one.
+///
+/// Errors are in the level frame, so that no rate stands in their dynamics. Acceleration is the derivative of a velocity that stays about
+/// its mean (a coloured acceleration without a constant part), which tells a tilt from it in a second. The magnetometer's delay behind
+/// the gyros, the field that turns with the body and the field of the surroundings are states: on a body that turns at 5 rad/s a delay of
+/// 10 ms alone is 3° (`docs/ahrs.md`).
+///
+/// Give fields before the first inertial sample that is later. Needs no heap.
+#[derive(Clone, Debug)]
+pub struct Ahrs {
+    settings: AhrsSettings,
+    phase: Phase,
+    last: Option<ImuSample>,
+    fields: [MagneticField; FIELDS],
+    waiting: usize,
+    state: State,
+    covariance: Covariance,
+    block: Block,
+    history: History,
+    rest: Rest,
+    /// Length of the field at the start; 0 as long as none was seen.
+    scale: f64,
+    field_ratio: f64,
+    field_changed: bool,
+    saturated: bool,
+    pub(super) corrected: Option<Corrected>,
+    begins: bool,
+}
+
+#[derive(Clone, Debug)]
+enum Phase {
+    Starting(Start),
+    Running,
+}
+
+impl Ahrs {
+    /// A filter that will begin with its first samples.
+    ///
+    /// # Errors
+    /// [`Error::Config`] names the setting that is outside its range.
+    pub fn new(settings: AhrsSettings) -> Result<Self> {
+        settings.check()?;
+        let nothing = MagneticField {
+            time: Time::from_seconds(0.0),
+            field_b: Vector3::zeros(),
+        };
+        Ok(Ahrs {
+            settings,
+            phase: Phase::Starting(Start::new()),
+            last: None,
+            fields: [nothing; FIELDS],
+            waiting: 0,
+            state: State::at(UnitQuaternion::identity()),
+            covariance: Self::unknown(&settings),
+            block: Block::default(),
+            history: History::new(),
+            rest: Rest::default(),
+            scale: 0.0,
+            field_ratio: 0.0,
+            field_changed: false,
+            saturated: false,
+            corrected: None,
+            begins: true,
+        })
+    }
+
+    /// Covariance before anything is known; the field's parts have the unit of the field's length.
+    fn unknown(settings: &AhrsSettings) -> Covariance {
+        let field = &settings.field;
+        Covariance::from_diagonal(
+            &Variances {
+                attitude: 0.0,
+                gyro_bias: settings.gyro_bias_sigma().powi(2),
+                velocity: START_VELOCITY * START_VELOCITY,
+                accel_bias: settings.accel_bias_sigma.powi(2),
+                field: field.length_sigma.powi(2),
+                offset: field.offset_sigma.powi(2),
+                disturbance: field.disturbance_sigma.powi(2),
+                delay: field.delay_sigma.powi(2),
+            }
+            .all(),
+        )
+    }
+
+    /// Settings it was made with.
+    pub fn settings(&self) -> &AhrsSettings {
+        &self.settings
+    }
+
+    /// Delay of the magnetometer behind the gyros with its standard deviation, s; `None` without a field.
+    pub fn magnetometer_delay(&self) -> Option<(f64, f64)> {
+        let at = super::state::DELAY;
+        (self.scale > 0.0).then(|| (self.state.delay, self.covariance[(at, at)].sqrt()))
+    }
+
+    /// Field that turns with the body (hard iron), in the magnetometer's unit; `None` without a field.
+    pub fn magnetometer_offset(&self) -> Option<Vector3<f64>> {
+        (self.scale > 0.0).then_some(self.state.offset)
+    }
+
+    /// Takes a field; it waits for the first inertial sample that is not earlier.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`]. The filter is as before.
+    pub fn field(&mut self, field: &MagneticField) -> Result<()> {
+        if !field.field_b.iter().all(|x| x.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "magnetic field",
+                time: field.time,
+            });
+        }
+        if self.waiting == FIELDS {
+            // Inertial samples are missing; the oldest field is of least use.
+            self.fields.rotate_left(1);
+            self.waiting -= 1;
+        }
+        self.fields[self.waiting] = *field;
+        self.waiting += 1;
+        Ok(())
+    }
+
+    /// Takes an inertial sample: rate and force over the interval that ends at its stamp. `None` until the first attitude is known.
+    ///
+    /// # Errors
+    /// [`Error::ImuBackward`] names both stamps, [`Error::NotFinite`] the quantity. The filter is as before.
+    pub fn step(&mut self, sample: &ImuSample) -> Result<Option<AhrsEpoch>> {
+        for (what, value) in [
+            ("angular rate", &sample.angular_rate_b),
+            ("specific force", &sample.specific_force_b),
+        ] {
+            if !value.iter().all(|x| x.is_finite()) {
+                let time = sample.time;
+                return Err(Error::NotFinite { what, time });
+            }
+        }
+        let Some(last) = self.last.replace(*sample) else {
+            return Ok(None);
+        };
+        let interval = sample.time.since(last.time);
+        if interval <= 0.0 {
+            self.last = Some(last);
+            return Err(Error::ImuBackward {
+                previous: last.time,
+                time: sample.time,
+            });
+        }
+        self.corrected = None;
+        if interval > LONGEST_GAP {
+            self.begin_anew();
+            return Ok(None);
+        }
+        match self.phase {
+            Phase::Starting(_) => {
+                if !self.started(sample, interval) {
+                    return Ok(None);
+                }
+            }
+            Phase::Running => self.run(sample, interval),
+        }
+        Ok(Some(self.epoch(sample.time)))
+    }
+
+    fn epoch(&self, time: Time) -> AhrsEpoch {
+        AhrsEpoch {
+            time,
+            attitude: self.state.attitude,
+            covariance: self
+                .covariance
+                .fixed_view::<3, 3>(ATTITUDE, ATTITUDE)
+                .into_owned()
+                + self.block.unseen_turn,
+            gyro_bias: self.state.gyro_bias,
+            rests: self.rest.rests(&self.settings.rest),
+            saturated: self.saturated,
+            magnetic: self.scale > 0.0,
+        }
+    }
+
+    /// Levelling starts again; what is known of the sensors stays.
+    fn begin_anew(&mut self) {
+        self.phase = Phase::Starting(Start::new());
+        self.block = Block::default();
+        self.history = History::new();
+        self.rest = Rest::default();
+        self.waiting = 0;
+        self.begins = true;
+        self.saturated = false;
+    }
+
+    /// Whether the first attitude is known with this sample.
+    fn started(&mut self, sample: &ImuSample, interval: f64) -> bool {
+        let Phase::Starting(start) = &mut self.phase else {
+            return true;
+        };
+        let rate = sample.angular_rate_b - self.state.gyro_bias;
+        let force = sample.specific_force_b - self.state.accel_bias;
+        start.inertial(&rate, &force, interval);
+        let known = self.fields[..self.waiting]
+            .iter()
+            .take_while(|f| f.time <= sample.time)
+            .count();
+        for field in &self.fields[..known] {
+            start.field(&field.field_b);
+        }
+        self.fields.rotate_left(known);
+        self.waiting -= known;
+        let heading = Euler::from_quaternion(&self.state.attitude).heading;
+        let Some(level) = start.level(&self.settings, heading) else {
+            return false;
+        };
+        self.level(&level);
+        true
+    }
+
+    fn level(&mut self, level: &Level) {
+        self.phase = Phase::Running;
+        self.state.attitude = level.attitude;
+        self.state.velocity = Vector3::zeros();
+        self.state.disturbance = Vector3::zeros();
+        let tilt = level.tilt_sigma * level.tilt_sigma;
+        // Without a field the heading is zero by definition, or was lost in a gap.
+        let heading = match level.field {
+            Some((_, sigma)) => sigma * sigma,
+            None if self.begins_first() => 0.0,
+            None => HEADING_UNKNOWN * HEADING_UNKNOWN,
+        };
+        self.forget(ATTITUDE, &[tilt, tilt, heading]);
+        self.forget(VELOCITY, &[START_VELOCITY * START_VELOCITY; 3]);
+        if let Some((field, _)) = level.field {
+            self.field_known(&field);
+        }
+        let scale = if self.scale > 0.0 { self.scale } else { 1.0 };
+        let sigma = self.settings.field.disturbance_sigma * scale;
+        self.forget(DISTURBANCE, &[sigma * sigma; 3]);
+    }
+
+    fn begins_first(&self) -> bool {
+        self.scale == 0.0 && self.covariance[(ATTITUDE, ATTITUDE)] == 0.0
+    }
+
+    /// Sets the scale of all that is magnetic at the first field.
+    fn field_known(&mut self, field: &Vector3<f64>) {
+        if self.scale > 0.0 {
+            return;
+        }
+        self.scale = field.norm();
+        self.state.field = Vector2::new(field.xy().norm(), field.z);
+        let squared = self.scale * self.scale;
+        for at in FIELD..DISTURBANCE + 3 {
+            self.covariance[(at, at)] *= squared;
+        }
+    }
+
+    /// New variances, and no covariance with anything.
+    fn forget(&mut self, at: usize, variances: &[f64; 3]) {
+        for (i, variance) in variances.iter().enumerate() {
+            self.covariance.row_mut(at + i).fill(0.0);
+            self.covariance.column_mut(at + i).fill(0.0);
+            self.covariance[(at + i, at + i)] = *variance;
+        }
+    }
+
+    fn run(&mut self, sample: &ImuSample, interval: f64) {
+        let settings = self.settings;
+        let rate = sample.angular_rate_b - self.state.gyro_bias;
+        let force = sample.specific_force_b - self.state.accel_bias;
+        let before = self.state.attitude;
+        let turn = exp(&(rate * interval));
+        let middle = (before * exp(&(rate * (0.5 * interval))))
+            .to_rotation_matrix()
+            .into_inner();
+        self.state.attitude = before * turn;
+        self.history.push(&turn, rate, interval);
+        let force_n = middle * force;
+        let acceleration = force_n + Vector3::new(0.0, 0.0, settings.gravity);
+        let block = &mut self.block;
+        block.time += interval;
+        block.turned += middle * interval;
+        block.pushed += force_n * interval;
+        block.measured_rate += sample.angular_rate_b * interval;
+        block.rate_squared += rate.norm_squared() * interval;
+        block.force_squared += acceleration.norm_squared() * interval;
+        self.saturated = false;
+        if let Some(range) = settings.gyro_range {
+            for axis in 0..3 {
+                if sample.angular_rate_b[axis].abs() >= SATURATED * range {
+                    self.saturated = true;
+                    let about = middle.column(axis);
+                    let unseen = UNSEEN_RATE * range;
+                    block.unseen_turn +=
+                        about * about.transpose() * (unseen * unseen * UNSEEN_TIME * interval);
+                }
+            }
+        }
+        let root = interval.sqrt();
+        self.rest.push(
+            (&sample.angular_rate_b, &sample.specific_force_b, interval),
+            &self.state.gyro_bias,
+            (
+                settings.noise.gyro_white / root,
+                settings.noise.accel_white / root,
+            ),
+            &settings.rest,
+        );
+        self.take_fields(sample.time);
+        if self.block.time > settings.update_interval - 0.5 * interval {
+            self.correct();
+        }
+    }
+
+    /// Fields up to now, turned into level axes by the attitude that they were measured at.
+    fn take_fields(&mut self, now: Time) {
+        let mut taken = 0;
+        for i in 0..self.waiting {
+            let field = self.fields[i];
+            let age = now.since(field.time);
+            if age < 0.0 {
+                break;
+            }
+            taken += 1;
+            let (turn, rate) = self.history.since(age + self.state.delay);
+            let attitude = (self.state.attitude * turn)
+                .to_rotation_matrix()
+                .into_inner();
+            if self.scale == 0.0 {
+                self.find_north(&(attitude * field.field_b));
+            }
+            let block = &mut self.block;
+            block.fields += 1;
+            block.field += attitude * field.field_b;
+            block.attitudes += attitude;
+            block.per_delay += (attitude * rate).cross(&self.state.outer_field());
+            block.per_stamp_squared += rate.cross(&field.field_b).norm_squared() / 3.0;
+        }
+        self.fields.rotate_left(taken);
+        self.waiting -= taken;
+    }
+
+    /// The first field after a start without one: the heading turns to it.
+    fn find_north(&mut self, field_n: &Vector3<f64>) {
+        if field_n.xy().norm() < 1e-3 * field_n.norm() {
+            return;
+        }
+        let to_north = exp(&Vector3::new(0.0, 0.0, -field_n.y.atan2(field_n.x)));
+        self.state.attitude = to_north * self.state.attitude;
+        self.state.velocity = to_north * self.state.velocity;
+        // Sums of this block are in the old axes, which turn with the heading.
+        self.block = Block::default();
+        let tilt = self.covariance[(ATTITUDE, ATTITUDE)];
+        self.forget(ATTITUDE, &[tilt, tilt, 0.1]);
+        self.forget(VELOCITY, &[START_VELOCITY * START_VELOCITY; 3]);
+        self.field_known(&(to_north * field_n));
+    }
+
+    fn correct(&mut self) {
+        let block = core::mem::take(&mut self.block);
+        let settings = self.settings;
+        let propagation = self.propagation(&block);
+        let time = block.time;
+        self.state.velocity += block.pushed + Vector3::new(0.0, 0.0, settings.gravity * time);
+        self.state.disturbance *= propagation.disturbance_left;
+        propagation.apply(&mut self.covariance);
+        let predicted = self.state;
+
+        let rests = self.rest.rests(&settings.rest);
+        let (sigma, tau) = if rests {
+            (settings.rest.velocity_sigma, REST_VELOCITY_TAU)
+        } else {
+            (settings.velocity_sigma, settings.velocity_tau)
+        };
+        let mut correction = Correction::new(&mut self.covariance);
+        // A velocity of this correlation time says as much as white measurements of this variance.
+        let variance = sigma * sigma * (2.0 * tau / time).max(1.0);
+        for axis in 0..3 {
+            correction.state(VELOCITY + axis, -self.state.velocity[axis], variance);
+        }
+        if rests {
+            let white = settings.noise.gyro_white;
+            let variance =
+                white * white / time + settings.rest.rate_sigma.powi(2) * (1.0 / time).max(1.0);
+            let bias = block.measured_rate / time - self.state.gyro_bias;
+            for axis in 0..3 {
+                correction.state(GYRO_BIAS + axis, bias[axis], variance);
+            }
+        }
+        if block.fields > 0 && self.scale > 0.0 {
+            let field = correction.field(&self.state, &block, self.scale, &settings.field);
+            if let Some(field) = field {
+                self.field_ratio +=
+                    (field.ratio - self.field_ratio) * (time / FIELD_MEMORY).min(1.0);
+                if self.field_ratio > settings.field.change_ratio {
+                    self.field_changed = true;
+                    self.field_ratio = 0.0;
+                } else {
+                    correction.take(&field);
+                }
+            }
+        }
+        let errors: Errors = correction.errors;
+        self.state = self.state.corrected(&errors);
+        self.corrected = Some(Corrected {
+            propagation: (!core::mem::take(&mut self.begins)).then_some(propagation),
+            predicted,
+            corrected: self.state,
+            covariance: self.covariance,
+        });
+    }
+
+    fn propagation(&mut self, block: &Block) -> Propagation {
+        let (s, noise, time) = (&self.settings, &self.settings.noise, block.time);
+        let left = (-time / s.field.disturbance_tau).exp();
+        let scale = self.scale * self.scale;
+        let wander = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau * time;
+        let mut offset = s.field.offset_wander.powi(2) * time;
+        let mut disturbance = s.field.disturbance_sigma.powi(2) * (1.0 - left * left);
+        if core::mem::take(&mut self.field_changed) {
+            offset += s.field.change_offset_sigma.powi(2);
+            disturbance += s.field.change_disturbance_sigma.powi(2);
+        }
+        Propagation {
+            turned: block.turned,
+            pushed: block.pushed,
+            disturbance_left: left,
+            unseen_turn: block.unseen_turn,
+            noise: Variances {
+                attitude: noise.gyro_white.powi(2) * time
+                    + s.rate_noise.powi(2) * block.rate_squared,
+                gyro_bias: wander(noise.gyro_bias_sigma, noise.gyro_bias_tau),
+                velocity: noise.accel_white.powi(2) * time
+                    + s.force_noise.powi(2) * block.force_squared,
+                accel_bias: wander(noise.accel_bias_sigma, noise.accel_bias_tau),
+                field: 0.0,
+                offset: offset * scale,
+                disturbance: disturbance * scale,
+                delay: 0.0,
+            }
+            .all(),
+        }
+    }
+}
+
+const _: () = assert!(OFFSET + 3 == DISTURBANCE && SIZE == DISTURBANCE + 4);
