@@ -1,47 +1,24 @@
 //! What noise identification costs: solves of a general and of a small model, streaming sums, and a whole record.
 //!
 //! Each by the fastest of many batches, all by turns: wall time varies threefold on a shared machine. The design by Kronecker
-//! products is measured beside, in the same run; only the ratio is asserted.
+//! products is measured beside, in the same run; only the ratio is asserted. `benches/instructions.sh` counts instructions.
+
+// Not every bench needs all of it.
+#[allow(dead_code)]
+mod noise;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use insnav::noise::{
-    Basis, Block, ChannelDesign, EstimateOptions, FixedDesign, FixedUnknown, LagAccumulator,
-    LinearModel, SolveOptions, als_design, als_estimate, als_solve, bias_noise_per_step,
+    Basis, LagAccumulator, LagCovariance, LinearModel, SolveOptions, als_design, als_solve,
     lag_covariance,
 };
-use insnav::sim::{Source, Stream};
-use nalgebra::{DMatrix, Matrix2, RowVector2, SMatrix, Vector1, Vector2};
+use nalgebra::{DMatrix, Vector1, Vector3};
+use noise::{Channel, General, LAGS, batch, record, six_states};
 use std::hint::black_box;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-const LAGS: usize = 40;
-const STEP: f64 = 0.032;
 /// How many times quicker than the design alone with Kronecker products, lag by lag, a design and its solution must be.
 const LEAST_RATIO: f64 = 8.0;
-
-/// Six states that all depend on one another: a body-frame attitude error at 40 °/s about a skew axis.
-fn general() -> (LinearModel, DMatrix<f64>) {
-    let mut model = LinearModel::attitude_axes(STEP, 100.0);
-    let w = [0.4, -0.35, 0.45].map(|w| w * STEP);
-    for (i, j, v) in [(0, 1, w[2]), (1, 2, w[0]), (2, 0, w[1])] {
-        model.f[(i, j)] += v;
-        model.f[(j, i)] -= v;
-    }
-    let noise = truth();
-    let q = DMatrix::from_fn(6, 6, |i, j| if i == j { noise[i / 3] } else { 0.0 });
-    let r = DMatrix::identity(3, 3) * noise[2];
-    let gain = model.stationary_filter(&q, &r).expect("stable").gain;
-    (model, gain)
-}
-
-fn truth() -> [f64; 3] {
-    let arw = (2.0f64 / 60.0).to_radians();
-    [
-        arw * arw * STEP,
-        bias_noise_per_step(0.007f64.to_radians(), 100.0, STEP),
-        0.109f64.to_radians().powi(2),
-    ]
-}
 
 /// One inverse of I − F̄ ⊗ F̄ and Kronecker products for each lag, all elements of Q and R. The published Ψ ⊗ Ψ would be
 /// 14 400 × 14 400.
@@ -81,7 +58,7 @@ struct Best {
     name: &'static str,
     calls: u32,
     bar: f64,
-    time: Duration,
+    seconds: f64,
 }
 
 impl Best {
@@ -90,7 +67,7 @@ impl Best {
             name,
             calls,
             bar,
-            time: Duration::MAX,
+            seconds: f64::INFINITY,
         }
     }
 
@@ -99,34 +76,9 @@ impl Best {
         for _ in 0..self.calls {
             black_box(call());
         }
-        self.time = self.time.min(begin.elapsed() / self.calls);
+        let each = begin.elapsed().as_secs_f64() / f64::from(self.calls);
+        self.seconds = self.seconds.min(each);
     }
-
-    fn seconds(&self) -> f64 {
-        self.time.as_secs_f64()
-    }
-}
-
-fn record(samples: usize, seed: u64) -> Vec<f64> {
-    let [q, bias, r] = truth().map(f64::sqrt);
-    let mut white = Source::new(seed, Stream::GyroWhite);
-    let mut drift = Source::new(seed, Stream::GyroBias);
-    let mut angle = Source::new(seed, Stream::AccelWhite);
-    let (mut theta, mut b) = (0.0, 0.0);
-    (0..samples)
-        .map(|_| {
-            theta += q * white.normal() - STEP * b;
-            b = (-STEP / 100.0f64).exp() * b + bias * drift.normal();
-            theta + r * angle.normal()
-        })
-        .collect()
-}
-
-fn fixed(model: &LinearModel) -> (SMatrix<f64, 6, 6>, SMatrix<f64, 3, 6>) {
-    (
-        SMatrix::from_fn(|i, j| model.f[(i, j)]),
-        SMatrix::from_fn(|i, j| model.h[(i, j)]),
-    )
 }
 
 fn bars(_: &mut Criterion) {
@@ -134,50 +86,16 @@ fn bars(_: &mut Criterion) {
     if !std::env::args().any(|a| a == "--bench") {
         return;
     }
-    let (model, gain) = general();
+    let (model, gain) = six_states();
     let basis = Basis::diagonal(6, 3);
-    let (f, h) = fixed(&model);
-    let l = SMatrix::<f64, 6, 3>::from_fn(|i, j| gain[(i, j)]);
-    let unknowns: [FixedUnknown<6, 3>; 9] = core::array::from_fn(|i| {
-        let unknown = &basis.unknowns()[i];
-        match unknown.block {
-            Block::Process => {
-                FixedUnknown::Process(SMatrix::from_fn(|a, b| unknown.matrix[(a, b)]))
-            }
-            Block::Measurement => {
-                FixedUnknown::Measurement(SMatrix::from_fn(|a, b| unknown.matrix[(a, b)]))
-            }
-        }
-    });
-    let theta: [f64; 9] = core::array::from_fn(|i| truth()[i / 3]);
-    let design = FixedDesign::new(&f, &h, &l, &unknowns).expect("stable");
-    let measured = design.covariances::<LAGS>(&theta);
-    let flat: Vec<f64> = measured
+    let (general, channel) = (General::new(), Channel::new());
+    let flat: Vec<f64> = general
+        .measured
         .iter()
         .flat_map(|m| m.as_slice().to_vec())
         .collect();
-    let counts = vec![1e5; LAGS];
-    let covariance = insnav::noise::LagCovariance::new(3, flat, counts).expect("sizes fit");
-
-    let (f2, h2) = (
-        Matrix2::new(1.0, -STEP, 0.0, 0.9997),
-        RowVector2::new(1.0, 0.0),
-    );
-    let l2 = Vector2::new(0.06, -0.01);
-    let [q, bias, r] = truth();
-    let channel = ChannelDesign::<LAGS>::new(&f2, &h2, &l2).expect("stable");
-    let channel_measured = channel.covariances(truth());
-
+    let covariance = LagCovariance::new(3, flat, vec![1e5; LAGS]).expect("sizes fit");
     let rows: Vec<Vec<f64>> = (0..3).map(|axis| record(20_000, axis)).collect();
-    let one = EstimateOptions {
-        solve: SolveOptions {
-            known: vec![None, Some(bias), None],
-            ..Default::default()
-        },
-        ..Default::default()
-    };
-    let channel_model = LinearModel::attitude_channel(STEP, 100.0);
-    let channel_basis = Basis::diagonal(2, 1);
 
     let mut best = [
         Best::new("general solve, sizes known", 20, 15e-6),
@@ -199,10 +117,7 @@ fn bars(_: &mut Criterion) {
     for round in 0..60 {
         let mut list = best.iter_mut();
         let mut next = || list.next().expect("as many as there are");
-        next().measure(|| {
-            let design = FixedDesign::new(black_box(&f), &h, &l, &unknowns).expect("stable");
-            design.solve(black_box(&measured)).expect("identified")
-        });
+        next().measure(|| black_box(&general).solve());
         next().measure(|| als_design(black_box(&model), &gain, &basis, LAGS).expect("stable"));
         let whole = next();
         if round < 3 {
@@ -212,10 +127,7 @@ fn bars(_: &mut Criterion) {
             });
         }
         next().measure(|| kronecker(black_box(&model), &gain));
-        next().measure(|| {
-            let design = ChannelDesign::<LAGS>::new(black_box(&f2), &h2, &l2).expect("stable");
-            design.solve(black_box(&channel_measured), [None; 3])
-        });
+        next().measure(|| black_box(&channel).solve());
         let mut k = 0;
         next().measure(|| {
             k = (k + 1) % 20_000;
@@ -223,26 +135,16 @@ fn bars(_: &mut Criterion) {
         });
         next().measure(|| {
             k = (k + 1) % 20_000;
-            triple.push(&nalgebra::Vector3::new(rows[0][k], rows[1][k], rows[2][k]));
+            triple.push(&Vector3::new(rows[0][k], rows[1][k], rows[2][k]));
         });
         next().measure(|| lag_covariance(&[&rows[0]], 1, 64).expect("long"));
         next().measure(|| {
-            rows.iter()
-                .map(|y| {
-                    let found = als_estimate(
-                        &[y],
-                        &channel_model,
-                        &channel_basis,
-                        &[100.0 * q, bias, r],
-                        &one,
-                    );
-                    found.expect("identified").estimate.theta[0]
-                })
-                .sum::<f64>()
+            let of = |y: &Vec<f64>| batch(y).estimate.theta[0];
+            rows.iter().map(of).sum::<f64>()
         });
     }
     // Three axes to a call.
-    best[6].time /= 3;
+    best[6].seconds /= 3.0;
     black_box((&single, &triple));
     for b in &best {
         let bar = if b.bar.is_nan() {
@@ -250,29 +152,22 @@ fn bars(_: &mut Criterion) {
         } else {
             format!(" (bar {:.3e})", b.bar)
         };
-        println!("{}: {:.3e} s{bar}", b.name, b.seconds());
+        println!("{}: {:.3e} s{bar}", b.name, b.seconds);
     }
-    let ratio = best[3].seconds() / best[0].seconds();
+    let ratio = best[3].seconds / best[0].seconds;
     println!("Kronecker design / solve with sizes known: {ratio:.0}");
     assert!(ratio >= LEAST_RATIO, "ratio below {LEAST_RATIO}");
 }
 
 fn parts(c: &mut Criterion) {
-    let (model, gain) = general();
+    let (model, gain) = six_states();
     let basis = Basis::diagonal(6, 3);
     c.bench_function("als/design at run time", |b| {
         b.iter(|| als_design(black_box(&model), &gain, &basis, LAGS));
     });
-    let (f2, h2) = (
-        Matrix2::new(1.0, -STEP, 0.0, 0.9997),
-        RowVector2::new(1.0, 0.0),
-    );
+    let channel = Channel::new();
     c.bench_function("als/channel solve", |b| {
-        b.iter(|| {
-            let l = black_box(Vector2::new(0.06, -0.01));
-            let design = ChannelDesign::<LAGS>::new(&f2, &h2, &l)?;
-            design.solve(&design.covariances(truth()), [None; 3])
-        });
+        b.iter(|| black_box(&channel).solve());
     });
 }
 

@@ -1,13 +1,19 @@
 //! One part of the filter, called a thousand times: what benches/instructions.sh counts the instructions of.
 
+// Not every bench needs all of it.
+#[allow(dead_code)]
+mod noise;
 mod setup;
 
 use insnav::filter::{Columns, Covariance, Eskf, Gate, Transition, Verdict, fill_base};
 use insnav::mechanization::Interval;
-use nalgebra::{Matrix3, Vector3};
+use insnav::noise::LagAccumulator;
+use nalgebra::{Matrix3, Vector1, Vector3};
 use std::hint::black_box;
 
 const CALLS: usize = 1000;
+/// Samples of the record that is estimated as a whole, once.
+const RECORD: usize = 20_000;
 
 // What is counted is collected between entry and return of these: they must exist as functions.
 #[inline(never)]
@@ -39,10 +45,58 @@ fn counted_fix(filter: &mut Eskf, fix: &insnav::measurement::GnssPositionModel, 
     assert_ne!(update.verdict, Verdict::Rejected);
 }
 
+#[inline(never)]
+fn counted_als_general(model: &noise::General) {
+    black_box(model.solve());
+}
+
+#[inline(never)]
+fn counted_als_channel(model: &noise::Channel) {
+    black_box(model.solve());
+}
+
+#[inline(never)]
+fn counted_als_stream(lags: &mut LagAccumulator<1, 13>, nu: &Vector1<f64>) {
+    lags.push(nu);
+}
+
+#[inline(never)]
+fn counted_als_batch(record: &[f64]) {
+    black_box(noise::batch(record));
+}
+
+/// The parts of noise identification; whether it is one of them.
+fn identify(part: &str) -> bool {
+    match part {
+        "als_general" => {
+            let model = noise::General::new();
+            (0..CALLS).for_each(|_| counted_als_general(black_box(&model)));
+        }
+        "als_channel" => {
+            let model = noise::Channel::new();
+            (0..CALLS).for_each(|_| counted_als_channel(black_box(&model)));
+        }
+        "als_stream" => {
+            let record = noise::record(CALLS, 1);
+            let mut lags = LagAccumulator::new();
+            record
+                .iter()
+                .for_each(|v| counted_als_stream(&mut lags, black_box(&Vector1::new(*v))));
+            black_box(&lags);
+        }
+        "als_batch" => counted_als_batch(black_box(&noise::record(RECORD, 0))),
+        _ => return false,
+    }
+    true
+}
+
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let part = arguments.next().unwrap_or_default();
     let states = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(15);
+    if identify(&part) {
+        return;
+    }
     let mut p = setup::covariance(states);
     let mut phi = setup::transition(p.layout());
     match part.as_str() {

@@ -79,6 +79,7 @@ pub use run::{
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
+pub use sink::{OrientationEpoch, OrientationSink, OrientationSinkOptions};
 pub use solution::{SolutionTable, UpdateRow};
 pub use stats::{ClockDrift, ClockStep, Spread, TopicStatistics};
 pub use topic_map::{Expression, MapClock, MapGnssAxes, MapImuAxes, TopicMap};

@@ -42,6 +42,11 @@ pub(crate) struct Compare {
     #[arg(long)]
     remove_mounting: bool,
 
+    /// Take the constant rotation between the earth frames out of orientation errors: for a reference of quaternions that does not
+    /// count from magnetic north
+    #[arg(long)]
+    align_earth: bool,
+
     /// Compare the heading with the reference's course as well: medians of 20 s on straight stretches above 5 m/s
     #[arg(long)]
     course: bool,
@@ -260,6 +265,7 @@ impl Compare {
                 0.0
             },
             remove_mounting: self.remove_mounting,
+            align_earth: self.align_earth,
             course: self.course,
             withheld: solution.withheld,
         };

@@ -72,6 +72,12 @@ pub(crate) fn comparison(solution: &str, reference: &str, c: &Comparison) -> Str
             maybe(o.coverage_95.map(|x| 100.0 * x))
         ));
     }
+    if let Some(angle) = c.earth_rotation_deg {
+        text.push_str(&format!(
+            "  of it a constant turn between the earth frames by {}° is taken out\n",
+            short(angle)
+        ));
+    }
     for s in &c.stops {
         let seen = s
             .delay_s

@@ -3,7 +3,9 @@
 use super::course::{Course, heading_minus_course};
 use super::errors::{ErrorStatistics, PointError};
 use super::mounting::mean_rotation;
-use super::orientation::{OrientationErrors, OrientationPair, orientation_errors, to_enu_flu};
+use super::orientation::{
+    OrientationErrors, OrientationPair, align_earth, orientation_errors, to_enu_flu,
+};
 use super::reference::{AttitudeReference, ReferencePoint};
 use super::standing::{DetectedStop, false_standing_s, stop_delays};
 use super::track::{SolutionPoint, Track};
@@ -42,6 +44,9 @@ pub struct CompareOptions {
     pub velocity_lag: f64,
     /// Take the mean rotation between the axes of both out of the attitude errors.
     pub remove_mounting: bool,
+    /// Take the constant rotation between the earth frames of both out of the orientation errors: of a reference that does not
+    /// count from north.
+    pub align_earth: bool,
     /// Compare heading with the reference's course.
     pub course: bool,
     /// What was withheld.
@@ -71,6 +76,9 @@ pub struct Comparison {
     /// Orientation errors, where the reference is one of quaternions.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<OrientationErrors>,
+    /// Angle between the earth frames, degrees, if it was taken out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub earth_rotation_deg: Option<f64>,
 }
 
 /// A constant attitude difference, whole or angle by angle.
@@ -151,6 +159,8 @@ pub fn compare(
             )
         }
     };
+    let mut oriented = orientation_pairs(&pairs);
+    let earth = options.align_earth.then(|| align_earth(&mut oriented));
     Comparison {
         all: statistics(&mut pairs.iter()),
         standing: statistics(&mut pairs.iter().filter(|p| p.standing() == Some(true))),
@@ -162,7 +172,8 @@ pub fn compare(
             .then(|| heading_minus_course(track, &reference, options.velocity_lag)),
         stops: stop_delays(track, &reference, options.origin, options.velocity_lag),
         false_standing_s: false_standing_s(track, &reference, options.velocity_lag),
-        orientation: orientation(&pairs),
+        orientation: (!oriented.is_empty()).then(|| orientation_errors(&oriented)),
+        earth_rotation_deg: earth.map(f64::to_degrees),
     }
 }
 
@@ -234,10 +245,10 @@ fn in_degrees(mounting: Option<Mounting>) -> [Option<f64>; 3] {
 }
 
 /// Over the instants that the benchmark scores: moving, with a valid truth.
-fn orientation(pairs: &[Pair<'_>]) -> Option<OrientationErrors> {
+fn orientation_pairs(pairs: &[Pair<'_>]) -> Vec<OrientationPair> {
     // NED → ENU as a matrix, for the covariance.
     let enu_ned = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
-    let scored: Vec<_> = pairs
+    pairs
         .iter()
         .filter(|p| p.reference.moving != Some(false))
         .filter_map(|p| {
@@ -253,8 +264,7 @@ fn orientation(pairs: &[Pair<'_>]) -> Option<OrientationErrors> {
                 covariance,
             })
         })
-        .collect();
-    (!scored.is_empty()).then(|| orientation_errors(&scored))
+        .collect()
 }
 
 #[cfg(test)]

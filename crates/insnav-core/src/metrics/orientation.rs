@@ -1,7 +1,7 @@
 //! Orientation errors as the BROAD benchmark defines them (\[Laidig21\] section 4.3).
 
 use super::errors::rms;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+use nalgebra::{Matrix3, Matrix4, Quaternion, SymmetricEigen, UnitQuaternion};
 use serde::Serialize;
 
 /// Errors of an orientation against an optical one, no alignment between them.
@@ -67,6 +67,26 @@ pub fn orientation_errors(pairs: &[OrientationPair]) -> OrientationErrors {
         coverage_95: (!inside.is_empty())
             .then(|| inside.iter().filter(|&&i| i).count() as f64 / inside.len() as f64),
     }
+}
+
+/// Take the mean rotation between the earth frames out of the estimates. Returns its angle, rad.
+///
+/// The mean is the unit quaternion that makes Σ (m·eᵢ)² largest (\[Markley07\]): no start value, and any size.
+pub(super) fn align_earth(pairs: &mut [OrientationPair]) -> f64 {
+    let sum = pairs.iter().fold(Matrix4::zeros(), |sum, p| {
+        let e = (p.estimate * p.truth.conjugate()).coords;
+        sum + e * e.transpose()
+    });
+    let eigen = SymmetricEigen::new(sum);
+    let mean = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    let mean = UnitQuaternion::new_normalize(Quaternion::from(mean.into_owned()));
+    let back = mean.conjugate();
+    let turn = back.to_rotation_matrix().into_inner();
+    for pair in pairs {
+        pair.estimate = back * pair.estimate;
+        pair.covariance = pair.covariance.map(|p| turn * p * turn.transpose());
+    }
+    mean.angle()
 }
 
 /// The trials of a benchmark in one line.
@@ -162,6 +182,32 @@ mod tests {
         assert_eq!(mean.heading_rmse_deg, None);
         assert_eq!(mean.least_coverage_95, Some(0.5));
         assert!((mean.pooled_coverage_95.unwrap() - 0.6).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_constant_turn_of_the_earth_frame_is_taken_out() {
+        let turn = exp(&Vector3::new(0.4, -1.2, 2.0));
+        let sigma = Vector3::new(0.01, 0.02, 0.05);
+        let mut pairs: Vec<_> = (0..8)
+            .map(|i| {
+                let truth = exp(&Vector3::new(0.1 * f64::from(i), 0.2, -0.3));
+                // Errors about all three axes, in opposite pairs.
+                let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+                let error = exp(&(Vector3::new(0.02, 0.01, 0.03) * sign));
+                let covariance = Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+                let turned = turn.to_rotation_matrix().into_inner();
+                OrientationPair {
+                    estimate: turn * error * truth,
+                    truth,
+                    covariance: Some(turned * covariance * turned.transpose()),
+                }
+            })
+            .collect();
+        assert!((align_earth(&mut pairs) - turn.angle()).abs() < 1e-12);
+        let left = pairs[0].estimate * pairs[0].truth.conjugate();
+        assert!((crate::attitude::log(&left) - Vector3::new(0.02, 0.01, 0.03)).norm() < 1e-12);
+        let sigmas = pairs[0].covariance.unwrap().diagonal().map(f64::sqrt);
+        assert!((sigmas - sigma).norm() < 1e-12);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Covariance of lag covariances, by which they are weighted.
 
-use super::lag_covariance::cross_sums;
+use super::lag_covariance::cross_sums_into;
 use nalgebra::DMatrix;
 use std::vec::Vec;
 
@@ -31,31 +31,42 @@ pub(super) fn covariance(
     counts: &[f64],
 ) -> DMatrix<f64> {
     let p = channels;
-    let known = model.len() / (p * p);
+    let elements = p * p;
+    let known = model.len() / elements;
     let lags = rows.iter().map(|r| r.0 + 1).max().unwrap_or(0);
+    let reach = 2 * lags;
     // g over negative and positive lags, element by element.
-    let both: Vec<Vec<f64>> = (0..p * p)
-        .map(|element| {
-            let (b, a) = (element / p, element % p);
-            (1..known)
-                .rev()
-                .map(|t| model[t * p * p + a * p + b])
-                .chain((0..known).map(|t| model[t * p * p + b * p + a]))
-                .collect()
-        })
-        .collect();
-    // sums[e][f][m] = Σₜ g(t + m)[e] g(t)[f]
-    let sums: Vec<Vec<Vec<f64>>> = both
-        .iter()
-        .map(|e| both.iter().map(|f| cross_sums(e, f, 2 * lags)).collect())
-        .collect();
+    let length = 2 * known - 1;
+    let mut both = Vec::with_capacity(elements * length);
+    for element in 0..elements {
+        let (b, a) = (element / p, element % p);
+        let earlier = (1..known).rev().map(|t| model[t * elements + a * p + b]);
+        both.extend(earlier);
+        both.extend((0..known).map(|t| model[t * elements + b * p + a]));
+    }
+    // sums[(e, f)][m] = Σₜ g(t + m)[e] g(t)[f], of which g(−t)[ab] = g(t)[ba] makes half those of other pairs.
+    let swapped = |e: usize| (e % p) * p + e / p;
+    let mut sums = vec![0.0; elements * elements * reach];
+    for e in 0..elements {
+        for f in 0..elements {
+            let (here, there) = (e * elements + f, swapped(f) * elements + swapped(e));
+            let at = here * reach..(here + 1) * reach;
+            if there < here {
+                sums.copy_within(there * reach..(there + 1) * reach, at.start);
+            } else {
+                let of = |element: usize| &both[element * length..(element + 1) * length];
+                cross_sums_into(of(e), of(f), &mut sums[at]);
+            }
+        }
+    }
     let at = |m: isize, e: (usize, usize), f: (usize, usize)| {
         let (e, f) = (e.1 * p + e.0, f.1 * p + f.0);
-        if m >= 0 {
-            sums[e][f][m as usize]
+        let pair = if m >= 0 {
+            e * elements + f
         } else {
-            sums[f][e][m.unsigned_abs()]
-        }
+            f * elements + e
+        };
+        sums[pair * reach + m.unsigned_abs()]
     };
     let mut w = DMatrix::zeros(rows.len(), rows.len());
     for (column, &(k, c, d)) in rows.iter().enumerate() {

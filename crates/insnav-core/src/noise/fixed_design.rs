@@ -132,12 +132,13 @@ fn lyapunov<const N: usize, const K: usize>(
     sums: &mut [[[f64; K]; N]; N],
 ) -> Result<()> {
     let mut power = *closed;
+    let mut left = [[[0.0; K]; N]; N];
     for _ in 0..MOST_DOUBLINGS {
         let size = power.norm_squared();
         if !size.is_finite() {
             break;
         }
-        for_rows(&power, sums);
+        for_rows(&power, sums, &mut left);
         // What comes after is less than ‖A²‖² ≤ size² of what is there.
         if size * size < 1e-17 {
             return Ok(());
@@ -150,12 +151,19 @@ fn lyapunov<const N: usize, const K: usize>(
     })
 }
 
-/// P ← P + A P Aᵀ.
+/// P ← P + A P Aᵀ, by way of `left` = A P.
 #[inline]
-fn for_rows<const N: usize, const K: usize>(a: &SMatrix<f64, N, N>, sums: &mut [[[f64; K]; N]; N]) {
-    let mut left = [[[0.0; K]; N]; N];
+fn for_rows<const N: usize, const K: usize>(
+    a: &SMatrix<f64, N, N>,
+    sums: &mut [[[f64; K]; N]; N],
+    left: &mut [[[f64; K]; N]; N],
+) {
     for i in 0..N {
-        for m in 0..N {
+        let factor = a[(i, 0)];
+        for j in 0..N {
+            left[i][j] = sums[0][j].map(|value| factor * value);
+        }
+        for m in 1..N {
             let factor = a[(i, m)];
             for j in 0..N {
                 for k in 0..K {

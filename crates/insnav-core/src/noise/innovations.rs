@@ -7,6 +7,8 @@ use std::vec::Vec;
 
 /// Where the response to the initial state has come down to this, the rest of the record tells nothing of it.
 const RESPONSE_GONE: f64 = 1e-9;
+/// Samples between two looks at it.
+const BLOCK: usize = 64;
 
 /// Measurements that a filter with this gain, begun at zero, had these innovations of.
 ///
@@ -39,38 +41,26 @@ pub fn measurements_of_innovations(
 /// state: what is fitted takes n of the record's degrees of freedom.
 pub(super) fn innovations(model: &LinearModel, gain: &DMatrix<f64>, y: &[f64]) -> Vec<f64> {
     // The usual sizes in registers.
-    let (mut nu, normal, right) = match (model.states(), model.channels()) {
+    match (model.states(), model.channels()) {
         (1, 1) => fixed::<1, 1>(model, gain, y),
         (2, 1) => fixed::<2, 1>(model, gain, y),
         (3, 1) => fixed::<3, 1>(model, gain, y),
         (6, 3) => fixed::<6, 3>(model, gain, y),
         _ => any(model, gain, y),
-    };
-    let least = 1e-13 * normal.amax();
-    let Ok(start) = normal.svd(true, true).solve(&right, least) else {
-        return nu;
-    };
-    let closed = model.closed_loop(gain);
-    let mut state = start.clone();
-    for nu in nu.chunks_exact_mut(model.channels()) {
-        let shift = &model.h * &state;
-        nu.iter_mut().zip(shift.iter()).for_each(|(v, s)| *v -= s);
-        state = &closed * state;
-        if state.amax() <= RESPONSE_GONE * start.amax() {
-            break;
-        }
     }
-    nu
 }
 
-/// Innovations from the state zero, and the normal equations of the initial state: matrix and right-hand side.
-type FromZero = (Vec<f64>, DMatrix<f64>, DVector<f64>);
+/// The initial state by its normal equations; `None` where the record tells nothing of it.
+fn initial(normal: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let least = 1e-13 * normal.amax();
+    normal.svd(true, true).solve(right, least).ok()
+}
 
 fn fixed<const N: usize, const P: usize>(
     model: &LinearModel,
     gain: &DMatrix<f64>,
     y: &[f64],
-) -> FromZero {
+) -> Vec<f64> {
     let f = SMatrix::<f64, N, N>::from_fn(|i, j| model.f[(i, j)]);
     let h = SMatrix::<f64, P, N>::from_fn(|i, j| model.h[(i, j)]);
     let fl = f * SMatrix::<f64, N, P>::from_fn(|i, j| gain[(i, j)]);
@@ -80,31 +70,52 @@ fn fixed<const N: usize, const P: usize>(
     let mut right = SVector::<f64, N>::zeros();
     let mut x = SVector::<f64, N>::zeros();
     let mut out = Vec::with_capacity(y.len());
-    let mut samples = y.chunks_exact(P).map(SVector::<f64, P>::from_column_slice);
-    for value in samples.by_ref() {
-        let nu = value - h * x;
-        normal += response.transpose() * response;
-        right += response.transpose() * nu;
-        out.extend_from_slice(nu.as_slice());
-        // One product with the state: the shortest chain from sample to sample.
-        x = closed * x + fl * value;
-        response *= closed;
-        if response.amax() < RESPONSE_GONE {
-            break;
+    let whole = y.len() - y.len() % P;
+    let mut blocks = y[..whole].chunks(BLOCK * P);
+    // The response is looked at once a block: until it has gone, it is fitted.
+    while response.amax() >= RESPONSE_GONE
+        && let Some(block) = blocks.next()
+    {
+        for value in block
+            .chunks_exact(P)
+            .map(SVector::<f64, P>::from_column_slice)
+        {
+            let nu = value - h * x;
+            normal += response.transpose() * response;
+            right += response.transpose() * nu;
+            out.extend_from_slice(nu.as_slice());
+            // One product with the state: the shortest chain from sample to sample.
+            x = closed * x + fl * value;
+            response *= closed;
         }
     }
-    for value in samples {
+    for value in blocks
+        .flat_map(|block| block.chunks_exact(P))
+        .map(SVector::<f64, P>::from_column_slice)
+    {
         out.extend_from_slice((value - h * x).as_slice());
         x = closed * x + fl * value;
     }
-    (
-        out,
-        DMatrix::from_fn(N, N, |i, j| normal[(i, j)]),
-        DVector::from_fn(N, |i, _| right[i]),
-    )
+    let normal = DMatrix::from_fn(N, N, |i, j| normal[(i, j)]);
+    let Some(start) = initial(normal, &DVector::from_fn(N, |i, _| right[i])) else {
+        return out;
+    };
+    let mut state = SVector::<f64, N>::from_fn(|i, _| start[i]);
+    let gone = RESPONSE_GONE * state.amax();
+    for block in out.chunks_mut(BLOCK * P) {
+        if state.amax() <= gone {
+            break;
+        }
+        for nu in block.chunks_exact_mut(P) {
+            let shift = h * state;
+            nu.iter_mut().zip(shift.iter()).for_each(|(v, s)| *v -= s);
+            state = closed * state;
+        }
+    }
+    out
 }
 
-fn any(model: &LinearModel, gain: &DMatrix<f64>, y: &[f64]) -> FromZero {
+fn any(model: &LinearModel, gain: &DMatrix<f64>, y: &[f64]) -> Vec<f64> {
     let (n, p) = (model.states(), model.channels());
     let fl = &model.f * gain;
     let closed = model.closed_loop(gain);
@@ -131,7 +142,20 @@ fn any(model: &LinearModel, gain: &DMatrix<f64>, y: &[f64]) -> FromZero {
         next.gemv(1.0, &fl, &value, 1.0);
         std::mem::swap(&mut x, &mut next);
     }
-    (out, normal, right)
+    let Some(mut state) = initial(normal, &right) else {
+        return out;
+    };
+    let gone = RESPONSE_GONE * state.amax();
+    for sample in out.chunks_exact_mut(p) {
+        if state.amax() <= gone {
+            break;
+        }
+        nu.gemv(1.0, &model.h, &state, 0.0);
+        sample.iter_mut().zip(nu.iter()).for_each(|(v, s)| *v -= s);
+        next.gemv(1.0, &closed, &state, 0.0);
+        std::mem::swap(&mut state, &mut next);
+    }
+    out
 }
 
 #[cfg(test)]
@@ -171,7 +195,8 @@ mod tests {
         let (model, gain) = channel();
         let y: Vec<f64> = (0..300).map(|k| (f64::from(k * k) * 0.7).sin()).collect();
         let (a, b) = (fixed::<2, 1>(&model, &gain, &y), any(&model, &gain, &y));
-        assert!(a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < 1e-12));
+        // The fit of the one goes on for some samples of next to no response.
+        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 
     #[test]

@@ -128,6 +128,7 @@ pub fn lag_covariance(
     }
     let mut sums = vec![0.0; lags * channels * channels];
     let mut counts = vec![0.0; lags];
+    let mut of_pair = vec![0.0; lags];
     for run in runs {
         let samples = run.len() / channels;
         for (lag, count) in counts.iter_mut().enumerate() {
@@ -138,7 +139,8 @@ pub fn lag_covariance(
             .collect();
         for (b, earlier) in axes.iter().enumerate() {
             for (a, later) in axes.iter().enumerate() {
-                for (lag, sum) in cross_sums(later, earlier, lags).into_iter().enumerate() {
+                cross_sums_into(later, earlier, &mut of_pair);
+                for (lag, sum) in of_pair.iter().enumerate() {
                     sums[(lag * channels + b) * channels + a] += sum;
                 }
             }
@@ -152,12 +154,19 @@ pub fn lag_covariance(
     LagCovariance::new(channels, sums, counts)
 }
 
-/// Σₖ later[k + j] earlier[k] for j below `lags`, several lags at a time.
+/// Σₖ later[k + j] earlier[k] for j below `lags`.
 pub(super) fn cross_sums(later: &[f64], earlier: &[f64], lags: usize) -> Vec<f64> {
     let mut sums = vec![0.0; lags];
+    cross_sums_into(later, earlier, &mut sums);
+    sums
+}
+
+/// The same into `sums[j]`, several lags at a time.
+pub(super) fn cross_sums_into(later: &[f64], earlier: &[f64], sums: &mut [f64]) {
     for (block, sums) in sums.chunks_mut(LANES).enumerate() {
+        sums.fill(0.0);
         let Some(shifted) = later.get(block * LANES..) else {
-            break;
+            continue;
         };
         let mut lanes = [0.0; LANES];
         let whole = (shifted.len() + 1).saturating_sub(LANES);
@@ -173,42 +182,69 @@ pub(super) fn cross_sums(later: &[f64], earlier: &[f64], lags: usize) -> Vec<f64
         }
         sums.copy_from_slice(&lanes[..sums.len()]);
     }
-    sums
+}
+
+/// The two outermost values of a range and how often each occurs.
+#[derive(Clone, Copy)]
+struct End {
+    last: (f64, usize),
+    beside: (f64, usize),
+}
+
+impl End {
+    /// `side` is 1 for the upper end, −1 for the lower one.
+    fn of(values: impl Iterator<Item = f64>, side: f64) -> Self {
+        let nothing = (-side * f64::INFINITY, 0);
+        let mut end = End {
+            last: nothing,
+            beside: nothing,
+        };
+        for value in values {
+            let beyond = |other: f64| side * value > side * other;
+            if beyond(end.beside.0) {
+                if beyond(end.last.0) {
+                    end.beside = end.last;
+                    end.last = (value, 1);
+                } else if value == end.last.0 {
+                    end.last.1 += 1;
+                } else {
+                    end.beside = (value, 1);
+                }
+            } else if value == end.beside.0 {
+                end.beside.1 += 1;
+            }
+        }
+        end
+    }
 }
 
 /// Refuse channels that do not show their noise: switched off, coarser than their noise, or at the end of their range.
 pub(super) fn screen(runs: &[&[f64]], channels: usize) -> Result<(), Refusal> {
     for channel in 0..channels {
-        let mut values: Vec<f64> = runs
-            .iter()
-            .flat_map(|run| run.iter().skip(channel).step_by(channels).copied())
-            .collect();
-        if values.len() < 20 {
+        let values = || {
+            runs.iter()
+                .flat_map(move |run| run.iter().skip(channel).step_by(channels).copied())
+        };
+        let count = values().count();
+        if count < 20 {
             continue;
         }
-        values.sort_unstable_by(f64::total_cmp);
-        let groups: Vec<(f64, usize)> = values
-            .chunk_by(|a, b| a == b)
-            .map(|group| (group[0], group.len()))
-            .collect();
-        if groups.len() <= 2 {
+        let ends = [End::of(values(), -1.0), End::of(values(), 1.0)];
+        if ends[0].last.1 + ends[0].beside.1 == count {
             return Err(Refusal::Flat {
                 channel,
-                distinct: groups.len(),
+                distinct: if ends[0].beside.1 == 0 { 1 } else { 2 },
             });
         }
         // A rounded value is rarer at the ends of its range than beside them, or 2.4 times as frequent if it is a sine; one that
         // is cut off is far more frequent there.
-        let ends = [
-            (groups[0], groups[1]),
-            (groups[groups.len() - 1], groups[groups.len() - 2]),
-        ];
-        for ((value, at_end), (_, beside)) in ends {
-            if at_end >= 10 && at_end * 200 >= values.len() && at_end > 4 * beside {
+        for End { last, beside } in ends {
+            let (value, at_end) = last;
+            if at_end >= 10 && at_end * 200 >= count && at_end > 4 * beside.1 {
                 return Err(Refusal::Saturated {
                     channel,
                     value,
-                    percent: 100.0 * at_end as f64 / values.len() as f64,
+                    percent: 100.0 * at_end as f64 / count as f64,
                 });
             }
         }

@@ -2,9 +2,11 @@
 
 mod decimation;
 mod diagnostics;
+mod orientation;
 mod states;
 mod values;
 
+pub use orientation::{OrientationEpoch, OrientationSink, OrientationSinkOptions};
 pub use states::StateSink;
 pub(crate) use values::fix_message;
 
