@@ -1,7 +1,7 @@
 //! The arguments as a whole: one verb, one format.
 
 use crate::command::{
-    Align, Compare, Completions, Convert, Demo, Info, Man, Noise, Reproduce, Run, Simulate,
+    Ahrs, Align, Compare, Completions, Convert, Demo, Info, Man, Noise, Reproduce, Run, Simulate,
 };
 use crate::failure::Failure;
 use crate::output::{Format, Output};
@@ -33,6 +33,7 @@ pub(crate) enum Verb {
     Run(Run),
     Info(Info),
     Align(Align),
+    Ahrs(Ahrs),
     Noise(Noise),
     Compare(Compare),
     Convert(Convert),
@@ -50,6 +51,7 @@ impl Verb {
             Verb::Run(verb) => verb.run(output),
             Verb::Info(verb) => verb.run(output),
             Verb::Align(verb) => verb.run(output),
+            Verb::Ahrs(verb) => verb.run(output),
             Verb::Noise(verb) => verb.run(output),
             Verb::Compare(verb) => verb.run(output),
             Verb::Convert(verb) => verb.run(output),

@@ -76,6 +76,10 @@ pub use run::{
     ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport, SolutionSink, Source,
     StateError, StopReport, Stream, Survey, Warning, Withhold, align_by_stops, find,
 };
+pub use run::{
+    FinalOrientation, GyroRange, HeadingReference, OrientationNoise, OrientationNoiseReport,
+    OrientationPlan, OrientationReport, OrientationRequest,
+};
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};

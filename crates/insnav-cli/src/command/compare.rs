@@ -1,5 +1,6 @@
 //! `insnav compare`: a solution against a reference.
 
+use super::run_inputs::Ending;
 use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
 use crate::text;
@@ -408,8 +409,7 @@ fn name_of(path: &Path) -> String {
 
 /// Whether a file is named as `run` and `ahrs` name what they write.
 fn is_solution_name(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    name.ends_with(".insnav.mcap") || name.ends_with(".ahrs.mcap")
+    Ending::is_output(&path.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// Solutions of one folder with their references in the other: `drive.insnav.mcap` goes with `drive.csv`, `drive.csv.gz`,

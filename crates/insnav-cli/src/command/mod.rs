@@ -1,5 +1,6 @@
 //! One file per verb.
 
+mod ahrs;
 mod align;
 mod compare;
 mod completions;
@@ -14,6 +15,7 @@ mod run_inputs;
 mod settings_flags;
 mod simulate;
 
+pub(crate) use ahrs::{Ahrs, Oriented};
 pub(crate) use align::Align;
 pub(crate) use compare::Compare;
 pub(crate) use completions::{Completions, Man};

@@ -1,7 +1,7 @@
 //! `insnav run`: the main job.
 
 use super::log_flags::LogFlags;
-use super::run_inputs::{Job, job_list, not_the_input};
+use super::run_inputs::{Ending, Job, job_list, not_the_input};
 use super::settings_flags::{SetBy, SettingsFlags};
 use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
@@ -213,7 +213,7 @@ enum Entry {
 impl Run {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         let config = self.config()?;
-        let jobs = job_list(&self.logs, self.output.as_deref())?;
+        let jobs = job_list(&self.logs, self.output.as_deref(), Ending::Solution)?;
         self.check_combination(&jobs)?;
         if self.print_config {
             return self.print_config(&jobs, &config, output);

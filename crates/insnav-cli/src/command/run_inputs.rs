@@ -11,16 +11,39 @@ pub(super) struct Job {
     pub(super) output: PathBuf,
 }
 
-/// The ending of solutions.
-const ENDING: &str = "insnav.mcap";
+/// What a verb calls its outputs: `drive.mcap` becomes `drive.insnav.mcap` beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// Of `run`.
+    Solution,
+    /// Of `ahrs`.
+    Orientation,
+}
 
-/// `drive.mcap` becomes `drive.insnav.mcap` beside it.
-fn default_output(log: &Path) -> PathBuf {
-    log.with_extension(ENDING)
+impl Ending {
+    const ALL: [Self; 2] = [Self::Solution, Self::Orientation];
+
+    fn name(self) -> &'static str {
+        match self {
+            Ending::Solution => "insnav.mcap",
+            Ending::Orientation => "ahrs.mcap",
+        }
+    }
+
+    /// Whether a file has the name of an output.
+    pub(super) fn is_output(name: &str) -> bool {
+        Self::ALL
+            .iter()
+            .any(|ending| name.ends_with(&format!(".{}", ending.name())))
+    }
 }
 
 /// A job for every log; a folder stands for the logs in it.
-pub(super) fn job_list(inputs: &[PathBuf], output: Option<&Path>) -> Result<Vec<Job>, Failure> {
+pub(super) fn job_list(
+    inputs: &[PathBuf],
+    output: Option<&Path>,
+    ending: Ending,
+) -> Result<Vec<Job>, Failure> {
     let mut logs = Vec::new();
     for input in inputs {
         if input.is_dir() {
@@ -33,7 +56,7 @@ pub(super) fn job_list(inputs: &[PathBuf], output: Option<&Path>) -> Result<Vec<
     let jobs: Vec<Job> = logs
         .into_iter()
         .map(|input| {
-            let output = output_of(&input, output, several)?;
+            let output = output_of(&input, output, several, ending)?;
             Ok(Job { input, output })
         })
         .collect::<Result<_, Failure>>()?;
@@ -53,8 +76,13 @@ pub(super) fn job_list(inputs: &[PathBuf], output: Option<&Path>) -> Result<Vec<
     Ok(jobs)
 }
 
-fn output_of(log: &Path, output: Option<&Path>, several: bool) -> Result<PathBuf, Failure> {
-    let default = default_output(log);
+fn output_of(
+    log: &Path,
+    output: Option<&Path>,
+    several: bool,
+    ending: Ending,
+) -> Result<PathBuf, Failure> {
+    let default = log.with_extension(ending.name());
     match output {
         None if is_standard_stream(log) => Err(Failure::usage(
             "standard input has no name to derive the output's from",
@@ -110,7 +138,7 @@ fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
         path.is_file()
             && !name.starts_with('.')
             && name.ends_with(".mcap")
-            && !name.ends_with(&format!(".{ENDING}"))
+            && !Ending::is_output(&name)
     };
     let mut logs: Vec<PathBuf> = entries
         .filter_map(|entry| entry.ok().map(|e| e.path()))
@@ -148,7 +176,7 @@ mod tests {
 
     fn jobs(inputs: &[&str], output: Option<&str>) -> Result<Vec<Job>, Failure> {
         let inputs: Vec<PathBuf> = inputs.iter().map(PathBuf::from).collect();
-        job_list(&inputs, output.map(Path::new))
+        job_list(&inputs, output.map(Path::new), Ending::Solution)
     }
 
     #[test]
@@ -184,7 +212,13 @@ mod tests {
                 .code,
             "no_logs"
         );
-        for name in ["b.mcap", "a.mcap", "a.insnav.mcap", "notes.txt"] {
+        for name in [
+            "b.mcap",
+            "a.mcap",
+            "a.insnav.mcap",
+            "a.ahrs.mcap",
+            "notes.txt",
+        ] {
             std::fs::write(at(name), "").unwrap();
         }
         let found = jobs(&[folder.path().to_str().unwrap()], None).unwrap();

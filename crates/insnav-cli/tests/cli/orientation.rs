@@ -219,3 +219,160 @@ fn folders_of_trials_give_one_table_with_the_mean() {
         "{text}"
     );
 }
+
+/// Half a minute at rest, then a turn by 90° about the vertical in nine seconds, then rest: at 50 Hz, with noise. The sensor begins
+/// 5° rolled and looking 40° east of magnetic north, in a field that dips by 60°; without `field`, 6 axes.
+fn write_turn(folder: &Folder, name: &str, with_field: bool) {
+    use insnav_core::attitude::Euler;
+    use insnav_core::sample::{ImuSample, MagneticField, Sample};
+    use insnav_core::sim::{Source, Stream};
+    use insnav_core::time::Time;
+    let mut noise = Source::new(7, Stream::GyroWhite);
+    let mut vector =
+        |sigma: f64| Vector3::new(noise.normal(), noise.normal(), noise.normal()) * sigma;
+    let mut samples = Vec::new();
+    let mut truth = String::from("t_s,qw,qx,qy,qz\n");
+    let t0 = 1.6e9;
+    for i in 0..3000 {
+        let t = 0.02 * f64::from(i);
+        let heading = 40.0 + 10.0 * (t - 30.0).clamp(0.0, 9.0);
+        let q_nb = Euler::from_degrees(5.0, 0.0, heading).to_quaternion();
+        let turning = (30.0..39.0).contains(&(t - 0.01));
+        let rate_n = Vector3::new(0.0, 0.0, if turning { 10.0_f64.to_radians() } else { 0.0 });
+        let time = Time::from_seconds(t0 + t);
+        if with_field && i % 2 == 0 {
+            let field_n = Vector3::new(25e-6, 0.0, 43e-6);
+            samples.push(Sample::Magnetic(MagneticField {
+                time,
+                field_b: q_nb.inverse() * field_n + vector(0.3e-6),
+            }));
+        }
+        samples.push(Sample::Imu(ImuSample {
+            time,
+            angular_rate_b: q_nb.inverse() * rate_n
+                + vector(2e-3)
+                + Vector3::new(3e-3, -2e-3, 1e-3),
+            specific_force_b: q_nb.inverse() * Vector3::new(0.0, 0.0, -9.80665) + vector(0.02),
+        }));
+        let q = insnav_core::metrics::to_enu_flu(&q_nb);
+        truth.push_str(&row(t, &q, ""));
+    }
+    let options = insnav_log::LogWriterOptions {
+        t0: Some(Time::from_seconds(t0)),
+        ..Default::default()
+    };
+    crate::fixture::write_log_with(&folder.path(&format!("{name}.mcap")), &samples, options);
+    std::fs::create_dir_all(folder.path(&format!("truth/{name}"))).unwrap();
+    std::fs::write(folder.path(&format!("truth/{name}/truth_quat.csv")), truth).unwrap();
+}
+
+#[test]
+fn an_orientation_is_found_written_and_scored() {
+    let folder = Folder::new();
+    write_turn(&folder, "turn", true);
+    let log = folder.text("turn.mcap");
+    let done = insnav_json(["ahrs", &log, "--also", "csv"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    assert_eq!(json["imu_samples"], 3000);
+    assert_eq!(json["magnetic_fields"], 1500);
+    assert_eq!(json["heading_reference"], "magnetic_north");
+    assert_eq!(json["noise"]["source"], "log");
+    // 2 mrad/s at 50 Hz are 0.28 mrad/√s.
+    let arw = json["noise"]["gyro_arw_deg_per_sqrt_hour"]
+        .as_f64()
+        .unwrap();
+    let true_arw = (2e-3 / 50f64.sqrt()).to_degrees() * 60.0;
+    assert!((arw / true_arw - 1.0).abs() < 0.2, "{arw} {true_arw}");
+    assert!(json["rest_s"].as_f64().unwrap() > 40.0, "{json:#}");
+    let heading = json["final"]["heading_deg"].as_f64().unwrap();
+    assert!((heading - 130.0).abs() < 3.0, "{heading}");
+    // The file and the table beside it say the same, and the truth agrees with both within what they state.
+    let truth = folder.text("truth/turn/truth_quat.csv");
+    let score = |solution: &str| {
+        let done = insnav_json(["compare", &folder.text(solution), &truth]);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        done.json()
+    };
+    let (log_score, table_score) = (score("turn.ahrs.mcap"), score("turn.ahrs.csv"));
+    for key in ["total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"] {
+        let [a, b] = [&log_score, &table_score].map(|s| s[key].as_f64().unwrap());
+        assert!((a - b).abs() < 1e-4, "{key}: {a} {b}");
+        assert!(a < 2.0, "{key}: {a}");
+    }
+    assert!(
+        log_score["coverage_95"].as_f64().unwrap() > 0.9,
+        "{log_score:#}"
+    );
+    // With the whole log, and the noise as a block from a file.
+    std::fs::write(
+        folder.path("noise.toml"),
+        json["noise"]["config"].as_str().unwrap(),
+    )
+    .unwrap();
+    let smooth = folder.text("smooth.mcap");
+    let noise = folder.text("noise.toml");
+    let done = insnav_json(["ahrs", &log, "--smooth", "--noise", &noise, "-o", &smooth]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let again = done.json();
+    assert_eq!(again["noise"]["source"], "settings");
+    let same = again["noise"]["gyro_arw_deg_per_sqrt_hour"]
+        .as_f64()
+        .unwrap();
+    assert!((same / arw - 1.0).abs() < 1e-3, "four digits: {same} {arw}");
+    assert!(score("smooth.mcap")["total_rmse_deg"].as_f64().unwrap() < 2.0);
+    // An orientation is no recording to be found again in its folder, and nothing is overwritten.
+    insnav_json(["ahrs", &log]).failed(1, "output_exists");
+    let json = insnav_json(["ahrs", &folder.text(""), "--force"]).json();
+    assert_eq!(json["runs"].as_array().unwrap().len(), 2, "{json:#}");
+}
+
+#[test]
+fn declinations_turn_the_heading_and_six_axes_have_none() {
+    let folder = Folder::new();
+    write_turn(&folder, "turn", true);
+    write_turn(&folder, "six", false);
+    let heading = |log: &str, more: &[&str]| {
+        let path = folder.text(log);
+        let mut arguments = vec!["ahrs", path.as_str(), "--noise", "datasheet", "--force"];
+        arguments.extend(more);
+        let done = insnav_json(arguments);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        let json = done.json();
+        (
+            json["final"]["heading_deg"].as_f64().unwrap(),
+            json["heading_reference"].as_str().unwrap().to_owned(),
+        )
+    };
+    let (magnetic, reference) = heading("turn.mcap", &[]);
+    assert_eq!(reference, "magnetic_north");
+    let (north, reference) = heading("turn.mcap", &["--set", "alignment.declination_deg=5"]);
+    assert_eq!(reference, "true_north");
+    assert!((north - magnetic - 5.0).abs() < 1e-9, "{north} {magnetic}");
+    // From where it began, by the gyros alone: 90°, and what a bias learnt at rest leaves in a minute.
+    let (turned, reference) = heading("six.mcap", &[]);
+    assert_eq!(reference, "start");
+    assert!((turned - 90.0).abs() < 2.0, "{turned}");
+    let none = heading("turn.mcap", &["--topic", "magnetometer=none"]);
+    assert_eq!(none.1, "start");
+    let text = insnav(["ahrs", &folder.text("six.mcap"), "--force"]).stdout;
+    assert!(
+        text.contains("no magnetometer") && text.contains("6 axes"),
+        "{text}"
+    );
+}
+
+#[test]
+fn what_ahrs_cannot_do_is_told() {
+    let folder = Folder::new();
+    write_turn(&folder, "turn", true);
+    let log = folder.text("turn.mcap");
+    insnav_json(["ahrs", &log, "--noise", "nowhere.toml"]).failed(2, "usage");
+    insnav_json(["ahrs", &log, "-o", &folder.text("a.csv")]).failed(2, "usage");
+    insnav_json(["ahrs", &log, "--rate", "0"]).failed(2, "usage");
+    insnav_json(["ahrs", &folder.text("nothing.mcap")]).failed(1, "no_such_file");
+    std::fs::write(folder.path("wrong.toml"), "[noise]\ngyro_arw = 3\n").unwrap();
+    let (message, _) = insnav_json(["ahrs", &log, "--noise", &folder.text("wrong.toml")])
+        .failed(1, "unknown_config_key");
+    assert!(message.contains("gyro_arw"), "{message}");
+}

@@ -21,6 +21,7 @@ mod noise;
 mod noise_block;
 mod noise_readings;
 mod oddities;
+mod orientation;
 mod plan;
 mod report;
 mod saved;
@@ -45,6 +46,10 @@ pub use noise::{
 };
 pub use noise_readings::{NoiseReadings, noise_readings};
 pub use oddities::find;
+pub use orientation::{
+    FinalOrientation, GyroRange, HeadingReference, OrientationNoise, OrientationNoiseReport,
+    OrientationPlan, OrientationReport, OrientationRequest,
+};
 pub use plan::{Plan, RunOptions};
 pub use report::{
     AidingReport, AlignmentReport, Estimate, FinalReport, ImuOnlyReport, NoiseReport, ResetReport,
