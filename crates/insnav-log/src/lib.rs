@@ -71,10 +71,11 @@ pub use run::{
     identify_log_noise, noise_readings,
 };
 pub use run::{
-    AidingReport, AlignNoise, AlignReport, AlignRequest, AlignedStop, AlignmentReport, Clocks,
-    Estimate, FinalReport, ImuOnlyReport, KnownStart, LatitudeSource, NoiseReport, Plan,
-    ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport, SolutionSink, Source,
-    StateError, StopReport, Stream, Survey, Warning, Withhold, align_by_stops, find,
+    AdaptedReport, AidingReport, AlignNoise, AlignReport, AlignRequest, AlignedStop,
+    AlignmentReport, Clocks, Estimate, FinalReport, ImuOnlyReport, KnownStart, LatitudeSource,
+    NoiseReport, Plan, ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport,
+    SolutionSink, Source, StateError, StopReport, Stream, Survey, Warning, Withhold,
+    align_by_stops, find,
 };
 pub use run::{
     FinalOrientation, GyroRange, HeadingReference, OrientationNoise, OrientationNoiseReport,

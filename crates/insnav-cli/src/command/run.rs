@@ -9,7 +9,7 @@ use crate::progress::Watched;
 use crate::text;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use insnav_core::config::{Config, Intervals, MOST_INTERVALS, StationaryMode};
+use insnav_core::config::{Config, Intervals, MOST_INTERVALS, NoiseAdapt, StationaryMode};
 use insnav_log::{
     ExportFormat, Log, McapSink, Plan, ReadOptions, RunOptions, RunReport, SavedRun, Source,
     Withhold, check_output, export, is_standard_stream,
@@ -73,6 +73,11 @@ pub(crate) struct Run {
     /// those of the settings; other stops are found all the same. With --resume the zero is that of the first part
     #[arg(long, value_name = "BEGIN:END", value_parser = interval, value_delimiter = ',', allow_hyphen_values = true)]
     stop: Vec<Interval>,
+
+    /// als: estimate the white noise of the IMU and the sigmas of GNSS from the log's own innovations, in up to five runs before the one that
+    /// is written. What the log does not tell, or what is no white noise, stays as it was; the summary tells of each [default: off]
+    #[arg(long, value_name = "HOW", value_parser = noise_adapt())]
+    noise_adapt: Option<NoiseAdapt>,
 
     /// Navigate without GNSS, from rest at the begin: positions count from the start, which is at output.origin if the settings
     /// have it. GNSS in the log is not used. On a foot, with --set vehicle.kind=foot, every step's stance bounds the drift
@@ -159,6 +164,13 @@ const STATIONARY_MODES: [&str; 8] = [
 
 fn stationary_mode() -> impl TypedValueParser<Value = StationaryMode> {
     PossibleValuesParser::new(STATIONARY_MODES).try_map(|text| mode_of(&text))
+}
+
+fn noise_adapt() -> impl TypedValueParser<Value = NoiseAdapt> {
+    PossibleValuesParser::new(["als", "off"]).map(|text| match text.as_str() {
+        "als" => NoiseAdapt::Als,
+        _ => NoiseAdapt::Off,
+    })
 }
 
 fn mode_of(text: &str) -> Result<StationaryMode, serde::de::value::Error> {
@@ -296,6 +308,9 @@ impl Run {
             if let Some(mode) = self.stationary {
                 config.stationary.mode = mode;
                 by("stationary.mode", "--stationary".into());
+            }
+            if let Some(adapt) = self.noise_adapt {
+                config.noise.adapt = adapt;
             }
             if !stops.is_empty() {
                 match self.with_stops(&config.stationary.intervals_s, &stops) {

@@ -4,7 +4,9 @@ use super::{entry, maybe, plural, short, some, span, way};
 use crate::command::Outcome;
 use insnav_core::alignment::HeadingSource;
 use insnav_core::stationary::StopEnd;
-use insnav_log::{AlignmentReport, Estimate, ImuOnlyReport, RunReport, ScaleReport, StopReport};
+use insnav_log::{
+    AdaptedReport, AlignmentReport, Estimate, ImuOnlyReport, RunReport, ScaleReport, StopReport,
+};
 
 /// The summary of a run.
 pub(crate) fn run_summary(outcome: &Outcome) -> String {
@@ -20,6 +22,9 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     let mut add = |label, line: String| text.push_str(&entry(label, &line));
     add("drive", drive(r));
     add("imu", imu(r));
+    for (i, number) in r.noise_adaptation.iter().enumerate() {
+        add(if i == 0 { "adapted" } else { "" }, adapted(number));
+    }
     if let Some(only) = &r.imu_only {
         add("no gnss", imu_only(only));
     } else {
@@ -262,6 +267,28 @@ fn imu(r: &RunReport) -> String {
          gyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}\n\
          [stationary]\ngyro_arw_deg_per_sqrt_hour = {:.3}\naccel_vrw_m_per_s_per_sqrt_hour = {:.3}{arm}",
         r.gyro_arw_deg_per_sqrt_hour, r.accel_vrw_m_per_s_per_sqrt_hour, at_rest[0], at_rest[1]
+    )
+}
+
+/// One noise that was to be adapted.
+fn adapted(n: &AdaptedReport) -> String {
+    let estimate = match (n.estimate, n.standard_error) {
+        (Some(x), Some(sigma)) => format!("{} ± {}", short(x), short(sigma)),
+        _ => "no estimate".into(),
+    };
+    let fit = match n.dof {
+        0 => String::new(),
+        dof => format!(", chi2/dof {:.1}", n.chi2 / dof as f64),
+    };
+    let why = n
+        .reason
+        .as_ref()
+        .map_or(String::new(), |r| format!(": {r}"));
+    format!(
+        "{} {} → {estimate}{fit}, {}{why}",
+        n.name,
+        short(n.prior),
+        n.verdict
     )
 }
 

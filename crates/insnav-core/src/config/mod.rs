@@ -438,6 +438,17 @@ impl Default for VehicleConfig {
     }
 }
 
+/// Whether noise is adapted to what the innovations of the run itself show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NoiseAdapt {
+    /// As set, or chosen.
+    #[default]
+    Off,
+    /// By autocovariance least squares, before the run that is written; what the log does not tell stays as it was.
+    Als,
+}
+
 /// `[noise]`: overrides of the grade, each alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -456,6 +467,9 @@ pub struct NoiseConfig {
     pub accel_bias_tau_s: Option<f64>,
     /// White noise of one sample of the magnetometer, on each axis, µT: for attitude filters, no run uses it.
     pub magnetometer_microtesla: Option<f64>,
+    /// Estimate the white noise of the unit and the sigmas of GNSS from the log's own innovations; for the plan of a run, which sets
+    /// the numbers. A navigator by itself takes them as they are.
+    pub adapt: NoiseAdapt,
 }
 
 impl NoiseConfig {

@@ -118,6 +118,12 @@ impl Covariance {
         }
     }
 
+    /// Make all of it zero, of the same states.
+    #[cfg(feature = "std")]
+    pub(super) fn clear(&mut self) {
+        self.p = Covariance::default().p;
+    }
+
     /// Variance of one open state.
     pub(super) fn variance(&self, i: usize) -> f64 {
         self.get(i, i)
@@ -131,6 +137,12 @@ impl Covariance {
 
     /// P ← Φ P Φᵀ + Q with Φ = D A V X: position, velocity and attitude shears, then the decay of the slow states.
     pub fn propagate(&mut self, phi: &Transition) {
+        self.propagate_with(phi, &phi.noise);
+    }
+
+    /// As [`Covariance::propagate`], with another diagonal of Q.
+    #[inline]
+    pub(super) fn propagate_with(&mut self, phi: &Transition, noise: &States) {
         self.shear(Transition::POSITION_ROW, &phi.position);
         self.shear(Transition::VELOCITY_ROW, &phi.velocity);
         self.shear(Transition::ATTITUDE_ROW, &phi.attitude);
@@ -151,7 +163,7 @@ impl Covariance {
             }
         }
         // Noise last: added before a shear it would be sheared too.
-        for (i, (row, noise)) in self.p.iter_mut().zip(&phi.noise).enumerate().take(n) {
+        for (i, (row, noise)) in self.p.iter_mut().zip(noise).enumerate().take(n) {
             row[i / LANE % LANES][i % LANE] += noise;
         }
     }
@@ -331,6 +343,20 @@ impl Covariance {
         dx
     }
 
+    /// K by rows: those of the block that alone is corrected, or all.
+    #[cfg(feature = "std")]
+    pub(super) fn gain<const M: usize, const N: usize>(
+        &self,
+        innovation: &Innovation<M>,
+        only: Option<Block<N>>,
+    ) -> [[f64; M]; CAPACITY] {
+        let rows = match only {
+            Some(block) => self.layout.range(block).unwrap_or(0..0),
+            None => 0..self.layout.len(),
+        };
+        gain_rows(innovation, rows)
+    }
+
     /// P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ: slower, positive whatever the ratio of P to R and whichever rows K has.
     #[cold]
     fn correct_joseph<const M: usize>(
@@ -341,18 +367,7 @@ impl Covariance {
         rows: Range<usize>,
     ) {
         let n = self.layout.len();
-        // K = (L⁻ᵀ W)ᵀ, column by column of W.
-        let mut gain = [[0.0; M]; CAPACITY];
-        let cholesky = innovation.s.cholesky();
-        for (i, gain) in gain.iter_mut().enumerate().take(rows.end).skip(rows.start) {
-            let mut w = SVector::<f64, M>::from_fn(|a, _| innovation.w[a][i / LANE][i % LANE]);
-            if let Some(c) = &cholesky {
-                c.l().tr_solve_lower_triangular_mut(&mut w);
-            }
-            for a in 0..M {
-                gain[a] = w[a];
-            }
-        }
+        let gain = gain_rows(innovation, rows);
         // A = (I − K H) P first by rows, then by columns of the result.
         let mut a = self.p;
         for i in 0..n {
@@ -499,6 +514,25 @@ impl Covariance {
             self.set(j, i, 0.0);
         }
     }
+}
+
+/// K = (L⁻ᵀ W)ᵀ, column by column of W.
+fn gain_rows<const M: usize>(
+    innovation: &Innovation<M>,
+    rows: Range<usize>,
+) -> [[f64; M]; CAPACITY] {
+    let mut gain = [[0.0; M]; CAPACITY];
+    let cholesky = innovation.s.cholesky();
+    for (i, gain) in gain.iter_mut().enumerate().take(rows.end).skip(rows.start) {
+        let mut w = SVector::<f64, M>::from_fn(|a, _| innovation.w[a][i / LANE][i % LANE]);
+        if let Some(c) = &cholesky {
+            c.l().tr_solve_lower_triangular_mut(&mut w);
+        }
+        for a in 0..M {
+            gain[a] = w[a];
+        }
+    }
+    gain
 }
 
 impl<const M: usize> Innovation<M> {

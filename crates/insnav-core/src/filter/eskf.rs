@@ -10,16 +10,22 @@ use super::layout::{
 };
 use super::nominal::{Calibration, Nominal};
 use super::optional::{Process, Processes, fill_optional};
+#[cfg(feature = "std")]
+use super::shares::{Correction, Shares};
 use super::transition::Transition;
 use super::update::{Update, Verdict};
 use crate::error::{Error, Result};
 use crate::imu::{ImuErrors, ImuNoise};
 use crate::mechanization::{Increment, Interval, NavState};
+#[cfg(feature = "std")]
+use crate::noise::InnovationSums;
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "std")]
+use std::boxed::Box;
 
 /// A measurement model at one estimate: residual, its derivative by the error states, and its noise.
 #[derive(Clone, Copy, Debug)]
@@ -82,6 +88,10 @@ pub struct Eskf {
     pub(super) processes: Processes,
     #[serde(skip)]
     pub(super) phi: Transition,
+    /// What each noise adds to the covariance, while somebody asks.
+    #[cfg(feature = "std")]
+    #[serde(skip)]
+    pub(super) shares: Option<Box<Shares>>,
 }
 
 impl Eskf {
@@ -113,6 +123,8 @@ impl Eskf {
             noise,
             processes: Processes::default(),
             phi: Transition::default(),
+            #[cfg(feature = "std")]
+            shares: None,
         }
     }
 
@@ -141,7 +153,38 @@ impl Eskf {
 
     /// The covariance, to open and close optional blocks.
     pub fn covariance_mut(&mut self) -> &mut Covariance {
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.lose();
+        }
         &mut self.covariance
+    }
+
+    /// Add an independent uncertainty to one open block.
+    pub fn widen<const N: usize>(&mut self, block: Block<N>, extra: &SMatrix<f64, N, N>) {
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.widen(block, extra);
+        }
+        self.covariance.add(block, extra);
+    }
+
+    /// Sum up from here on what innovations say of the noise, on top of what was summed up before.
+    #[cfg(feature = "std")]
+    pub fn watch_noise(&mut self, sums: InnovationSums) {
+        self.shares = Some(Shares::of(&self.covariance, self.nominal.nav.time, sums));
+    }
+
+    /// What each noise adds to the covariance, while it is watched.
+    #[cfg(feature = "std")]
+    pub fn shares(&self) -> Option<&Shares> {
+        self.shares.as_deref()
+    }
+
+    /// Sum up no longer, and tell what was.
+    #[cfg(feature = "std")]
+    pub fn take_noise(&mut self) -> Option<InnovationSums> {
+        self.shares.take().map(|shares| shares.into_sums())
     }
 
     /// Noise of the inertial unit.
@@ -232,6 +275,10 @@ impl Eskf {
             let (phi, processes) = (&mut self.phi, &self.processes);
             fill_optional(phi, layout, &interval, &increment, errors, processes);
         }
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.propagate(&self.phi, &self.covariance, self.nominal.nav.time);
+        }
         self.covariance.propagate(&self.phi);
         self.decay();
     }
@@ -258,10 +305,9 @@ impl Eskf {
     /// wrong by the given sigmas (rad/s, m/s²) all along.
     pub fn bridge(&mut self, dt: f64, rate_sigma: f64, force_sigma: f64) {
         let eye = |s: f64| Matrix3::from_diagonal_element(s * s);
-        self.covariance
-            .add(POSITION, &eye(0.5 * force_sigma * dt * dt));
-        self.covariance.add(VELOCITY, &eye(force_sigma * dt));
-        self.covariance.add(ATTITUDE, &eye(rate_sigma * dt));
+        self.widen(POSITION, &eye(0.5 * force_sigma * dt * dt));
+        self.widen(VELOCITY, &eye(force_sigma * dt));
+        self.widen(ATTITUDE, &eye(rate_sigma * dt));
     }
 
     /// Weigh a measurement and, if the gate lets it, use it.
@@ -304,6 +350,8 @@ impl Eskf {
         }
         .map_err(refuse)?;
         let (alone, dependence) = (innovation.nis, measurement.dependence());
+        #[cfg(feature = "std")]
+        let (r_alone, s_alone) = (r, innovation.s);
         let mut judged = (innovation.nis, innovation.s);
         let sigma = core::array::from_fn(|i| {
             if i < M {
@@ -335,6 +383,10 @@ impl Eskf {
             verdict,
         };
         if verdict == Verdict::Rejected {
+            #[cfg(feature = "std")]
+            if let Some(shares) = &mut self.shares {
+                shares.refused(measurement.name());
+            }
             return Ok(update);
         }
         if verdict == Verdict::Inflated {
@@ -344,6 +396,24 @@ impl Eskf {
                 .covariance
                 .innovation(&h, &r, &residual)
                 .map_err(refuse)?;
+        }
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            let correction = Correction {
+                name: measurement.name(),
+                time,
+                residual,
+                h: &h,
+                r: r_alone,
+                s: s_alone,
+                gain: self.covariance.gain(&innovation, measurement.only()),
+                accepted: verdict == Verdict::Accepted,
+            };
+            shares.correct(&correction, &self.covariance);
+            // A noise that is in the states has parts of its own.
+            if cross.is_some() {
+                shares.lose();
+            }
         }
         let dx = match measurement.only() {
             None => self.covariance.correct(&innovation, &h, &r),

@@ -91,6 +91,9 @@ impl Eskf {
                 self.covariance.set(row, column, x);
             }
         }
+        if let Some(shares) = &mut self.shares {
+            shares.lose();
+        }
         self.nominal.nav.q_nb = stop.q_nb;
         self.nominal.held_q_nb = stop.q_nb;
         self.nominal.imu_errors.gyro_bias = stop.gyro_bias;

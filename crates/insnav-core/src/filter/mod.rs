@@ -11,6 +11,8 @@ mod held;
 mod layout;
 mod nominal;
 mod optional;
+#[cfg(feature = "std")]
+mod shares;
 mod standing;
 mod transition;
 mod update;
@@ -27,6 +29,8 @@ pub use layout::{
 };
 pub use nominal::{Calibration, Nominal};
 pub use optional::{Process, Processes, fill_optional};
+#[cfg(feature = "std")]
+pub use shares::Shares;
 pub use standing::Settling;
 pub use transition::Transition;
 pub use update::{Update, Verdict};

@@ -28,6 +28,10 @@ impl Eskf {
     /// the measured one would make the heading observable, which it is not. (At 0.08 m/s² of noise a heading known to 12° would
     /// be told as known to 3° after five minutes.)
     pub fn propagate_standing(&mut self, raw: &Increment, force: StandingForce) {
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.stand(raw.time);
+        }
         match force {
             StandingForce::Gravity => self.advance(raw, |interval| {
                 interval.specific_force_n = Vector3::new(0.0, 0.0, -interval.earth.gravity());
@@ -62,6 +66,10 @@ impl Eskf {
             phi.noise[6 + a] = settling.attitude * settling.attitude * dt;
         }
         fill_processes(phi, self.covariance.layout(), dt, &self.processes);
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.stay(&self.phi, &self.covariance, time);
+        }
         self.covariance.propagate(&self.phi);
         // The position's noise has no place in the dynamics under way.
         self.phi.noise[..3].fill(0.0);
@@ -71,6 +79,10 @@ impl Eskf {
     /// Forget what the velocity has to do with anything else, and say how well it is known, m/s.
     pub fn forget_velocity(&mut self, sigma: f64) {
         let prior = Matrix3::from_diagonal_element(sigma * sigma);
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.forget(VELOCITY, &prior);
+        }
         self.covariance.set_prior(VELOCITY, &prior);
     }
 
@@ -98,6 +110,10 @@ impl Eskf {
         let at = self.covariance.layout().range(ATTITUDE);
         for i in at.into_iter().flatten() {
             phi.noise[i] = self.noise.gyro_white * self.noise.gyro_white * dt;
+        }
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.stay(&self.phi, &self.covariance, self.nominal.nav.time);
         }
         self.covariance.propagate(&self.phi);
     }

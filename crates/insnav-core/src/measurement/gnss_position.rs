@@ -239,7 +239,7 @@ impl GnssPositionAid {
                 learnt.learn(fix.time, &evidence, self.sigma_floor, velocity_heard);
                 if learnt.scale()[0] > GREW * before[0] {
                     let r = self.model(fix, velocity_heard).r;
-                    filter.covariance_mut().add(POSITION, &r);
+                    filter.widen(POSITION, &r);
                 }
             }
         } else if let Some(vote) = self.doubt.refused(fix.time, &residual) {
@@ -309,9 +309,8 @@ impl GnssPositionAid {
             // Far beyond it is not known which of the others are at fault: position, and velocity where it shows.
             Vote::FilterIsOff { drift } => {
                 let square = |v: &Vector3<f64>| Matrix3::from_diagonal(&v.component_mul(v));
-                let covariance = filter.covariance_mut();
-                covariance.add(POSITION, &square(&residual));
-                covariance.add(VELOCITY, &square(&drift));
+                filter.widen(POSITION, &square(&residual));
+                filter.widen(VELOCITY, &square(&drift));
                 Verdict::Reset
             }
             Vote::TheyScatter { scatter } => {
@@ -321,7 +320,7 @@ impl GnssPositionAid {
                     learnt.raise(&scatter, &stated);
                     // As confident as before, the filter would hardly listen to fixes of so much more noise.
                     let scatter = Matrix3::from_diagonal(&scatter);
-                    filter.covariance_mut().add(POSITION, &scatter);
+                    filter.widen(POSITION, &scatter);
                 }
                 Verdict::Inflated
             }

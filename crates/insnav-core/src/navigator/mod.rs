@@ -23,6 +23,8 @@ use crate::filter::{Eskf, GYRO_BIAS, InitialSigma, VELOCITY, Verdict};
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
+#[cfg(feature = "std")]
+use crate::noise::InnovationSums;
 use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
 use crate::stationary::{Belief, Evidence, GAP, GnssSpeed, LOOK_AHEAD, StopDetector, StopEnd};
@@ -89,6 +91,10 @@ pub struct Navigator {
     /// Up to here the detector has seen what was kept at the start.
     scouted: Option<Time>,
     standing: Standing,
+    /// What runs before this one have said of the noise, while it is watched.
+    #[cfg(feature = "std")]
+    #[serde(skip)]
+    watched: Option<InnovationSums>,
 }
 
 /// Before and after the start.
@@ -203,6 +209,8 @@ impl Navigator {
             detector,
             scouted: None,
             standing: Standing::new(&stationary, &noise),
+            #[cfg(feature = "std")]
+            watched: None,
         })
     }
 
@@ -217,6 +225,24 @@ impl Navigator {
             Stage::Running(filter) => Some(filter),
             #[cfg(feature = "std")]
             Stage::Starting(_) => None,
+        }
+    }
+
+    /// Sum up what the innovations say of the noise: call it before the first sample.
+    #[cfg(feature = "std")]
+    pub fn watch_noise(&mut self) {
+        match &mut self.stage {
+            Stage::Running(filter) => filter.watch_noise(InnovationSums::default()),
+            Stage::Starting(_) => self.watched = Some(InnovationSums::default()),
+        }
+    }
+
+    /// What the innovations have said of the noise since [`Navigator::watch_noise`]; `None` if it was not asked.
+    #[cfg(feature = "std")]
+    pub fn take_noise(&mut self) -> Option<InnovationSums> {
+        match &mut self.stage {
+            Stage::Running(filter) => filter.take_noise(),
+            Stage::Starting(_) => self.watched.take(),
         }
     }
 
@@ -330,6 +356,9 @@ impl Navigator {
         } = alignment;
         let mut filter = Eskf::new(nav, imu_errors, &sigma, self.noise);
         self.optional.open(&mut filter)?;
+        if let Some(sums) = self.watched.take() {
+            filter.watch_noise(sums);
+        }
         let Stage::Starting(startup) = core::mem::replace(&mut self.stage, Stage::Running(filter))
         else {
             return Ok(());
@@ -560,8 +589,9 @@ impl Navigator {
 impl Navigator {
     /// Go back to the start with all that waits in the horizon.
     fn start_afresh(&mut self) {
-        if let Stage::Running(filter) = &self.stage {
+        if let Stage::Running(filter) = &mut self.stage {
             self.optional.keep(filter);
+            self.watched = filter.take_noise();
         }
         self.position.start_afresh();
         let mut startup = self.afresh.clone();

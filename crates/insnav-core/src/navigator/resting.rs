@@ -156,9 +156,7 @@ impl Resting {
         let unseen = UNSEEN * self.accel_white;
         let way = unseen * UNSEEN_FOR;
         filter.forget_velocity(self.velocity_sigma.hypot(unseen));
-        filter
-            .covariance_mut()
-            .add(POSITION, &Matrix3::from_diagonal_element(way * way));
+        filter.widen(POSITION, &Matrix3::from_diagonal_element(way * way));
         outcome
     }
 
@@ -198,7 +196,7 @@ impl Resting {
                 extra[(axis, axis)] = self.rounding.sigma[axis].powi(2);
             }
         }
-        filter.covariance_mut().add(GYRO_BIAS, &extra);
+        filter.widen(GYRO_BIAS, &extra);
     }
 
     fn force_model(&self, sum: &Sum) -> StandingForceModel {

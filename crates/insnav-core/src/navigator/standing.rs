@@ -538,8 +538,8 @@ impl Standing {
         let outcome = self.end(StopEnd::Contradicted, filter, sink);
         // It has moved for about a second without anybody noticing.
         let moved = Matrix3::from_diagonal_element(speed * speed);
-        filter.covariance_mut().add(VELOCITY, &moved);
-        filter.covariance_mut().add(POSITION, &moved);
+        filter.widen(VELOCITY, &moved);
+        filter.widen(POSITION, &moved);
         outcome
     }
 
@@ -618,7 +618,7 @@ fn widen_bias(rounding: &Vector3<f64>, filter: &mut Eskf) {
     };
     let lacks = |k: usize| (rounding[k].powi(2) - p[(k, k)]).max(0.0);
     let extra = Matrix3::from_diagonal(&Vector3::from_fn(|k, _| lacks(k)));
-    filter.covariance_mut().add(GYRO_BIAS, &extra);
+    filter.widen(GYRO_BIAS, &extra);
 }
 
 impl Stop {

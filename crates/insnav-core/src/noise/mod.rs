@@ -13,6 +13,8 @@
 //! What it does not do: coloured measurement noise (the fit test tells; the estimate is then not to be used), outliers.
 
 #[cfg(feature = "std")]
+mod adaptation;
+#[cfg(feature = "std")]
 mod allan;
 #[cfg(feature = "std")]
 mod als;
@@ -51,6 +53,13 @@ mod solve;
 #[cfg(feature = "std")]
 mod stability;
 
+#[cfg(feature = "std")]
+pub use adaptation::{
+    AdaptedNumber, InnovationSums, LagSum, NoiseAdaptation, NoiseSolution, NoiseUnknown,
+    NoiseValues, Outcome as AdaptationOutcome, Step as AdaptationStep,
+};
+#[cfg(feature = "std")]
+pub(crate) use adaptation::{Pair, Product};
 #[cfg(feature = "std")]
 pub use allan::{AllanFit, AllanPoint, AllanTerm, averaging_samples, fit_allan, overlapping_allan};
 #[cfg(feature = "std")]

@@ -167,6 +167,7 @@ impl Plan {
                 .stationary
                 .accel_vrw_m_per_s_per_sqrt_hour,
             imu_noise: self.survey.noise_floor.as_ref().map(NoiseReport::from),
+            noise_adaptation: self.adaptation.clone(),
             lever_arm_b_m: self.config.gnss.lever_arm_b_m.unwrap_or_default(),
             imu_mounting: self.mounting.clone(),
             imu_only: self.imu_only.clone(),

@@ -10,6 +10,7 @@
 //! # Ok(()) }
 //! ```
 
+mod adapt;
 mod alignment;
 mod clocks;
 mod compass;
@@ -52,8 +53,8 @@ pub use orientation::{
 };
 pub use plan::{Plan, RunOptions};
 pub use report::{
-    AidingReport, AlignmentReport, Estimate, FinalReport, ImuOnlyReport, NoiseReport, ResetReport,
-    RunReport, ScaleReport, StopReport, Warning,
+    AdaptedReport, AidingReport, AlignmentReport, Estimate, FinalReport, ImuOnlyReport,
+    NoiseReport, ResetReport, RunReport, ScaleReport, StopReport, Warning,
 };
 pub use saved::{SavedRun, StateError};
 pub use source::{SolutionSink, Source, Stream};

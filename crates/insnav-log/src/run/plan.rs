@@ -1,10 +1,11 @@
 //! What a run will do, decided before it begins: everything that the settings leave open is chosen from the data here.
 
 use super::RunError;
+use super::adapt::adapt;
 use super::clocks::{Clocks, find_clocks};
 use super::known_start::KnownStart;
 use super::oddities::{findings_of, lever_arm_unknown, refuse_fatal};
-use super::report::{ImuOnlyReport, Warning};
+use super::report::{AdaptedReport, ImuOnlyReport, Warning};
 use super::saved::SavedRun;
 use super::source::Source;
 use super::standing::{
@@ -80,6 +81,8 @@ pub struct Plan {
     start: Option<(Time, KnownStart)>,
     /// Of a run without GNSS, what it begins with.
     pub imu_only: Option<ImuOnlyReport>,
+    /// What became of each noise that was to be adapted.
+    pub adaptation: Vec<AdaptedReport>,
     pub(super) planning_s: f64,
 }
 
@@ -170,6 +173,7 @@ impl Plan {
             given,
             start: None,
             imu_only,
+            adaptation: Vec::new(),
             planning_s: 0.0,
         };
         let withholding = plan.withholding();
@@ -197,6 +201,7 @@ impl Plan {
             let told = decide(&mut plan.config, plan.wheels.as_ref());
             plan.warnings.extend(told);
         }
+        adapt(source, &mut plan)?;
         let offset = plan.config.gnss.time_offset_s;
         let span = (first.plus(offset), end.plus(offset));
         let told = outside(&plan.config, origin, span, options.more_follows);
@@ -248,6 +253,7 @@ impl Plan {
             given: saved.given.clone(),
             start: None,
             imu_only,
+            adaptation: Vec::new(),
             planning_s: begin.elapsed().as_secs_f64(),
         })
     }

@@ -102,6 +102,28 @@ impl From<&NoiseFloor> for NoiseReport {
     }
 }
 
+/// A noise that was to be adapted to what the innovations of the run itself show.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AdaptedReport {
+    /// The key of the settings with its unit: `gyro_arw_deg_per_sqrt_hour`, `accel_vrw_m_per_s_per_sqrt_hour`,
+    /// `gnss_sigma_scale`, `gnss_velocity_sigma_scale`.
+    pub name: &'static str,
+    /// What it was before.
+    pub prior: f64,
+    /// What the innovations say; absent where they were too few.
+    pub estimate: Option<f64>,
+    /// Standard error of the estimate.
+    pub standard_error: Option<f64>,
+    /// Misfit of the lag covariances of all innovations at the estimate: the model fits below three times `dof`.
+    pub chi2: f64,
+    /// Its degrees of freedom.
+    pub dof: usize,
+    /// `accepted`: the run uses the estimate. `held`, `on_bound`: it uses what it would without adaptation.
+    pub verdict: &'static str,
+    /// Why it was held.
+    pub reason: Option<String>,
+}
+
 /// How the run began.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignmentReport {
@@ -386,6 +408,9 @@ pub struct RunReport {
     pub rest_accel_vrw_m_per_s_per_sqrt_hour: Option<f64>,
     /// What the log's own noise is; absent for logs of a few seconds.
     pub imu_noise: Option<NoiseReport>,
+    /// What became of each noise that was to be adapted (`noise.adapt`); empty where nothing was.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub noise_adaptation: Vec<AdaptedReport>,
     /// Lever arm used, forward-right-down, m.
     pub lever_arm_b_m: [f64; 3],
     /// How the IMU is mounted, where the log's static transforms were taken for it.
