@@ -1,5 +1,6 @@
 //! The command as a user meets it: arguments in, exit code and both streams out.
 
+mod adapted_noise;
 mod align;
 mod compare;
 mod convert;

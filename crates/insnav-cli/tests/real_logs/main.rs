@@ -3,6 +3,7 @@
 //! Needs the recordings in `$INSNAV_DATA` or `../shared/data`; says SKIPPED without them. Settings are those of the
 //! receivers and units, each with its reason beside it; everything else is what `run` chooses by itself.
 
+mod noise_adapted;
 mod outages;
 mod recording;
 mod robot_heading;

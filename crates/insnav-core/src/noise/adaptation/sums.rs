@@ -304,7 +304,8 @@ mod tests {
 
     fn product(i: usize, theta: &[f64; K]) -> Product {
         let value = |k: usize, a: usize, b: usize| {
-            let x = (7 * i + 13 * k + 3 * a * b + a + b) as f64;
+            // Of different frequencies, so that no share is a sum of others.
+            let x = ((i + 1) * (k + 2) + 3 * a * b + a + b) as f64;
             (x * 0.7).sin() + if a == b { 1.5 } else { 0.0 }
         };
         let matrix = |k: usize| core::array::from_fn(|a| core::array::from_fn(|b| value(k, a, b)));
