@@ -2,11 +2,14 @@
 
 use crate::failure::Failure;
 use crate::output::Output;
-use crate::reproduce::{DriftExperiment, DriftRequest, DriveExperiment, Experiment, Request};
+use crate::reproduce::{
+    AttitudeExperiment, AttitudeRequest, DriftExperiment, DriftRequest, DriveExperiment,
+    Experiment, Request, SLICE_S,
+};
 use crate::text;
 use clap::{Args, Subcommand};
 use insnav_core::sample::Sample;
-use insnav_core::sim::{StaticRecord, StopSetting};
+use insnav_core::sim::{AttitudeRecord, StaticRecord, StopSetting};
 use insnav_core::time::Time;
 use insnav_log::{
     Log, ReadOptions, check_output, convert::CsvInputs, csv::read_imu, is_standard_stream,
@@ -25,8 +28,43 @@ pub(crate) struct Reproduce {
 
 #[derive(Subcommand, Debug)]
 enum Paper {
+    Belokurov2018(Belokurov2018),
     Kozadaev2017(Kozadaev2017),
     Lobusov2014(Lobusov2014),
+}
+
+/// Belokurov 2018: Q and R of an attitude filter (gyros, accelerometers, magnetometer) from its own innovations
+///
+/// The paper's scheme with its errors corrected, on a simulated ADIS16405: at rest, turning, shaken, pushed, beside iron. Rows differ
+/// in how Q and R are set: data sheet, Mohamed-Schwarz for Q and for R, the paper's recursion, autocovariance least squares as
+/// printed, constrained, over all data, and by monitors with a test of fit; raw angles and the best possible filter beside them.
+/// Scatter about the mean, as the paper has it, and errors against the truth.
+#[derive(Args, Debug)]
+struct Belokurov2018 {
+    /// Number of runs of each case; all variants see the same
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    runs: u32,
+
+    /// Seed of all random numbers
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+
+    /// A real ADIS16405 that lay still, besides the simulated one: a log, a folder with imu.csv, or an imu.csv[.gz]; at least 180 s.
+    /// Resampled to 32 ms, roll and pitch, in slices of 180 s (case real_imu)
+    #[arg(long, value_name = "LOG")]
+    imu: Option<PathBuf>,
+
+    /// Draw pitch and roll by the paper's two methods and by the monitors (figures 2 and 3), SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+
+    /// Overwrite the drawing
+    #[arg(long)]
+    force: bool,
+
+    /// Number of threads [default: as many as there are cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
 }
 
 /// Lobusov & Fomichev 2014: drifts and azimuth of a navigation-grade unit from stops in two positions
@@ -103,9 +141,31 @@ struct Kozadaev2017 {
 impl Reproduce {
     pub(crate) fn run(&self, output: &Output) -> Result<u8, Failure> {
         match &self.paper {
+            Paper::Belokurov2018(paper) => paper.run(output),
             Paper::Kozadaev2017(paper) => paper.run(output),
             Paper::Lobusov2014(paper) => paper.run(output),
         }
+    }
+}
+
+impl Belokurov2018 {
+    fn run(&self, output: &Output) -> Result<u8, Failure> {
+        check_plot(self.plot.as_deref(), self.force, output)?;
+        let real = self.imu.as_deref().map(attitude_record).transpose()?;
+        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let experiment = AttitudeExperiment::run(AttitudeRequest {
+            runs: self.runs as usize,
+            seed: self.seed,
+            jobs: self.jobs.map_or(all, usize::from),
+            real,
+        })?;
+        if let Some(plot) = &self.plot {
+            write_output(plot, experiment.figure()?.as_bytes(), self.force)
+                .map_err(|e| of_plot(e.into()))?;
+        }
+        let report = experiment.report();
+        output.result(&report, || text::reproduced(&report));
+        Ok(0)
     }
 }
 
@@ -196,6 +256,50 @@ fn of_plot(mut failure: Failure) -> Failure {
 
 /// The inertial samples of a log or a table, as those of a unit at rest.
 fn record(path: &Path) -> Result<StaticRecord, Failure> {
+    let samples = at_rest(path, StopSetting::paper().stop_s)?;
+    StaticRecord::new(samples).map_err(|error| {
+        refused(
+            path,
+            "not_at_rest",
+            error.to_string(),
+            StopSetting::paper().stop_s,
+        )
+    })
+}
+
+/// The same in steps of 32 ms.
+fn attitude_record(path: &Path) -> Result<AttitudeRecord, Failure> {
+    let samples = at_rest(path, SLICE_S)?;
+    let begin = samples.first().map_or(Time(0), Sample::time);
+    let imu: Vec<_> = samples
+        .iter()
+        .filter_map(|sample| match sample {
+            Sample::Imu(s) => Some((s.time.since(begin), s.angular_rate_b, s.specific_force_b)),
+            _ => None,
+        })
+        .collect();
+    let record = AttitudeRecord::resample(&imu);
+    let long = record.samples.len() as f64 * record.step_s;
+    if long < SLICE_S {
+        let what = format!(
+            "the first {long:.1} s alone can be resampled to {:.0} ms: what follows is a gap, or samples are too rare",
+            1e3 * record.step_s
+        );
+        return Err(refused(path, "record_too_short", what, SLICE_S));
+    }
+    Ok(record)
+}
+
+fn refused(path: &Path, code: &'static str, what: String, least: f64) -> Failure {
+    Failure::new(
+        code,
+        format!("{}: {what}", path.display()),
+        format!("give `--imu` a record of a unit that stood still for at least {least:.0} s"),
+    )
+}
+
+/// All samples of a record that is at least `least` seconds long, and of a unit at rest as far as its rates tell.
+fn at_rest(path: &Path, least: f64) -> Result<Vec<Sample>, Failure> {
     let table = if path.is_dir() {
         Some(CsvInputs::in_folder(path)?.imu)
     } else {
@@ -212,14 +316,7 @@ fn record(path: &Path) -> Result<StaticRecord, Failure> {
             log.samples()?.collect::<Result<_, _>>()?
         }
     };
-    let least = StopSetting::paper().stop_s;
-    let refuse = |code, what: String| {
-        Failure::new(
-            code,
-            format!("{}: {what}", path.display()),
-            format!("give `--imu` a record of a unit that stood still for at least {least:.0} s"),
-        )
-    };
+    let refuse = |code, what| refused(path, code, what, least);
     if !samples.iter().any(Sample::is_inertial) {
         return Err(refuse(
             "no_imu_samples",
@@ -254,5 +351,5 @@ fn record(path: &Path) -> Result<StaticRecord, Failure> {
             ),
         ));
     }
-    StaticRecord::new(samples).map_err(|error| refuse("not_at_rest", error.to_string()))
+    Ok(samples)
 }

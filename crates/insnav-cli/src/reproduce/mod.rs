@@ -1,11 +1,13 @@
 //! Published experiments, made again: one file a paper.
 
+mod belokurov2018;
 mod figure;
 mod kozadaev2017;
 mod lobusov2014;
 mod navigation_drive;
 mod spread;
 
+pub(crate) use belokurov2018::{AttitudeExperiment, AttitudeRequest, SLICE_S};
 pub(crate) use kozadaev2017::{Experiment, Request};
 pub(crate) use lobusov2014::{DriftExperiment, DriftRequest};
 pub(crate) use navigation_drive::DriveExperiment;

@@ -77,18 +77,26 @@ fn distinct<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     list
 }
 
+/// What is in a second table, where there is any of it.
+const SECOND: [&str; 5] = ["heading", "gyro", "noise", "accepted", "lost"];
+
 /// Tables that fit a page, motion and heading apart where there are both: variants down, quantities across.
 fn table<'a>(case: &str, rows: &[&'a Row], notes: &mut Vec<&'a str>) -> String {
     let quantities = distinct(rows.iter().map(|row| row.quantity));
     let (heading, motion): (Vec<&str>, Vec<&str>) = quantities
         .iter()
-        .partition(|q| q.contains("heading") || q.contains("gyro"));
+        .partition(|q| SECOND.iter().any(|word| q.contains(word)));
     if heading.is_empty() {
         return lines(cells(case, rows, &motion, notes));
     }
-    let mut text = lines(cells(&format!("{case}, motion"), rows, &motion, notes));
+    let [first, second] = if quantities.contains(&"pitch_std_deg") {
+        ["roll and pitch", "heading and noise"]
+    } else {
+        ["motion", "heading"]
+    };
+    let mut text = lines(cells(&format!("{case}, {first}"), rows, &motion, notes));
     text.push_str(&lines(cells(
-        &format!("{case}, heading"),
+        &format!("{case}, {second}"),
         rows,
         &heading,
         notes,
@@ -210,6 +218,15 @@ fn heading(quantity: &str) -> &str {
         "horizontal_max_m" => "largest, m",
         "horizontal_nees_per_component" => "NEES ~1",
         "heading_rms_last_leg_arcmin" => "heading ′",
+        "pitch_std_deg" => "pitch std °",
+        "roll_std_deg" => "roll std °",
+        "pitch_rms_deg" => "pitch rms °",
+        "roll_rms_deg" => "roll rms °",
+        "heading_rms_deg" => "heading rms °",
+        "process_noise_ratio" => "Q / data sheet",
+        "measured_noise_ratio" => "R / data sheet",
+        "accepted_percent" => "accepted, %",
+        "longest_lost_s" => "lost, s",
         "velocity_max_m_per_s" => "velocity after an hour, m/s",
         other => other,
     }

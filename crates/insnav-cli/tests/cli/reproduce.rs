@@ -306,3 +306,133 @@ fn drifts_of_lobusov2014_come_out_and_its_figures_are_drawn() {
     assert!(svg.ends_with("</svg>\n") && svg.contains("Schuler") && !svg.contains("NaN"));
     assert!(svg.contains("5c: error of the drift"));
 }
+
+/// Every name of the contract, with a number wherever it has a meaning; the paper's table beside ours; two panels with three lines.
+#[test]
+fn names_of_belokurov2018_are_those_of_the_contract_and_its_figures_are_drawn() {
+    let folder = Folder::new();
+    let plot = folder.text("angles.svg");
+    let base = ["reproduce", "belokurov2018", "--runs", "2", "--seed", "5"];
+    let done = insnav_json(base.iter().copied().chain(["--jobs", "1", "--plot", &plot]));
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    assert_eq!(
+        (json["paper"].as_str(), json["runs"].as_u64()),
+        (Some("belokurov2018"), Some(2))
+    );
+    let rows = json["rows"].as_array().unwrap();
+    let row = |case: &str, variant: &str, quantity: &str| {
+        let mut found = rows
+            .iter()
+            .filter(|r| r["case"] == case && r["variant"] == variant && r["quantity"] == quantity);
+        let row = found
+            .next()
+            .unwrap_or_else(|| panic!("{case} {variant} {quantity}"));
+        assert!(found.next().is_none(), "twice: {case} {variant} {quantity}");
+        row
+    };
+    let quantities = [
+        "pitch_std_deg",
+        "roll_std_deg",
+        "pitch_rms_deg",
+        "roll_rms_deg",
+    ];
+    for case in [
+        "static",
+        "static_quantised",
+        "motion_6dps",
+        "motion_40dps",
+        "vibration",
+        "bursts_0p3",
+        "bursts_1p0",
+        "magnetic_step",
+    ] {
+        for variant in [
+            "raw",
+            "datasheet",
+            "q_x100",
+            "mohamed_schwarz_fair",
+            "mohamed_schwarz_r_over_10",
+            "mohamed_schwarz_r",
+            "mohamed_schwarz_q_and_r",
+            "paper_recursion",
+            "als_m40_as_printed",
+            "als_m40_nnls",
+            "als_long",
+            "als_monitor",
+            "oracle",
+        ] {
+            for quantity in quantities {
+                assert!(row(case, variant, quantity)["ours"].as_f64().unwrap() > 0.0);
+            }
+        }
+    }
+    for (variant, published) in [
+        ("paper_recursion", [0.11, 0.13]),
+        ("als_m40_as_printed", [0.061, 0.034]),
+    ] {
+        for (quantity, value) in quantities.into_iter().zip(published) {
+            assert_eq!(row("static", variant, quantity)["published"], value);
+            assert!(row("vibration", variant, quantity)["published"].is_null());
+        }
+    }
+    // With what tilt and heading have in common, less than the 0.0253° of a diagonal R.
+    let limit = row("static", "oracle", "roll_rms_deg")["limit"].as_f64();
+    assert!((0.0225..0.0240).contains(&limit.unwrap()), "{limit:?}");
+    assert!(row("bursts_0p3", "oracle", "roll_rms_deg")["limit"].is_null());
+
+    let svg = std::fs::read_to_string(&plot).unwrap();
+    assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));
+    assert_eq!(svg.matches("fill-opacity").count(), 6);
+    let page = insnav(base.iter().copied().chain(["--jobs", "3"]));
+    let widest = page.stdout.lines().map(|line| line.chars().count()).max();
+    assert!(widest <= Some(120), "{widest:?}:\n{}", page.stdout);
+    let again = insnav_json(base.iter().copied().chain(["--jobs", "3"]));
+    assert_eq!(again.stdout, done.stdout, "threads change nothing");
+}
+
+/// A real unit at rest: its angles are less than half as noisy by the monitors, and no truth is claimed.
+#[test]
+fn a_real_adis16405_is_a_case_of_belokurov2018() {
+    let Some(table) = recordings("adis16405_static_imu1/imu.csv.gz") else {
+        return;
+    };
+    let path = table.display().to_string();
+    let done = insnav_json(["reproduce", "belokurov2018", "--runs", "2", "--imu", &path]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let json = done.json();
+    let of = |variant: &str, quantity: &str| {
+        let rows = json["rows"].as_array().unwrap();
+        let row = rows.iter().find(|r| {
+            r["case"] == "real_imu" && r["variant"] == variant && r["quantity"] == quantity
+        });
+        row.unwrap_or_else(|| panic!("{variant} {quantity}"))["ours"].as_f64()
+    };
+    for quantity in ["pitch_std_deg", "roll_std_deg"] {
+        let value = |variant| of(variant, quantity).unwrap();
+        assert!(value("raw") > 2.0 * value("als_monitor"), "{quantity}");
+        assert!(
+            value("mohamed_schwarz_r_over_10") > 0.8 * value("raw"),
+            "{quantity}"
+        );
+    }
+    assert_eq!(of("als_monitor", "pitch_rms_deg"), None);
+
+    let folder = Folder::new();
+    let mut short = String::from("t_s,gx,gy,gz,ax,ay,az\n");
+    for i in 0..1000 {
+        short.push_str(&format!("{},0,0,0,0,0,-9.8\n", f64::from(i) * 0.01));
+    }
+    std::fs::write(folder.path("imu.csv"), short).unwrap();
+    let short = insnav_json([
+        "reproduce",
+        "belokurov2018",
+        "--imu",
+        &folder.text("imu.csv"),
+    ]);
+    let (message, _) = short.failed(1, "record_too_short");
+    assert!(
+        message.contains("imu.csv") && message.contains("180 s"),
+        "{message}"
+    );
+}

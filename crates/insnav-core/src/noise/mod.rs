@@ -44,6 +44,7 @@ mod mdm;
 #[cfg(feature = "std")]
 mod model;
 mod mohamed_schwarz;
+mod monitor;
 #[cfg(feature = "std")]
 mod record;
 #[cfg(feature = "std")]
@@ -86,6 +87,7 @@ pub use mdm::{MdmOptions, attitude_differences, mdm_estimate};
 #[cfg(feature = "std")]
 pub use model::{LinearModel, StationaryFilter};
 pub use mohamed_schwarz::{ForgettingProcessNoise, MohamedSchwarz};
+pub use monitor::{BlockVerdict, ChannelMonitor, ChannelNoise};
 #[cfg(feature = "std")]
 pub use record::{
     AxisStability, BiasNoise, HeadingNoise, IdentifyOptions, Known, NoiseReading, RecordNoise,

@@ -12,6 +12,8 @@
 //! # Ok::<(), insnav_core::error::Error>(())
 //! ```
 
+mod adis16405;
+mod attitude_trial;
 mod carried;
 mod drift_trial;
 mod drive;
@@ -28,6 +30,8 @@ mod simulation;
 mod stop_trial;
 mod trajectory;
 
+pub use adis16405::{ADIS16405_STEP_S, AttitudeCase, AttitudeRecord, AttitudeSample};
+pub use attitude_trial::{AttitudeErrors, AttitudePoint, AttitudeTrial, AttitudeVariant};
 pub use drift_trial::{DriftCase, DriftErrors, DriftPoint, DriftTrial, DriftVariant, SwayPoint};
 pub use drive::{Body, BodyRocking, Drive, Leg, Wave};
 pub use gnss::{GnssModel, Span};

@@ -30,6 +30,8 @@ pub enum Stream {
     Initial = 10,
     /// Coloured error of GNSS velocities.
     VelocityColour = 11,
+    /// White noise of a magnetometer.
+    FieldWhite = 12,
 }
 
 /// A sequence of random numbers that depends on a seed and a [`Stream`] only.
