@@ -1,6 +1,7 @@
 //! One part of the filter, called a thousand times: what benches/instructions.sh counts the instructions of.
 
 // Not every bench needs all of it.
+mod hand;
 #[allow(dead_code)]
 mod noise;
 mod setup;
@@ -8,6 +9,7 @@ mod setup;
 use insnav::filter::{Columns, Covariance, Eskf, Gate, Transition, Verdict, fill_base};
 use insnav::mechanization::Interval;
 use insnav::noise::LagAccumulator;
+use insnav::sample::{ImuSample, MagneticField};
 use nalgebra::{Matrix3, Vector1, Vector3};
 use std::hint::black_box;
 
@@ -65,7 +67,12 @@ fn counted_als_batch(record: &[f64]) {
     black_box(noise::batch(record));
 }
 
-/// The parts of noise identification; whether it is one of them.
+#[inline(never)]
+fn counted_ahrs_record(record: &(Vec<ImuSample>, Vec<MagneticField>)) {
+    black_box(hand::filtered(&record.0, &record.1));
+}
+
+/// The parts of noise identification and orientation; whether it is one of them.
 fn identify(part: &str) -> bool {
     match part {
         "als_general" => {
@@ -85,6 +92,13 @@ fn identify(part: &str) -> bool {
             black_box(&lags);
         }
         "als_batch" => counted_als_batch(black_box(&noise::record(RECORD, 0))),
+        // As many samples as other parts have calls.
+        "ahrs_record" => {
+            let mut record = hand::record(5.0);
+            record.0.truncate(CALLS);
+            record.1.truncate(CALLS);
+            counted_ahrs_record(black_box(&record));
+        }
         _ => return false,
     }
     true

@@ -39,7 +39,7 @@ pub(crate) struct Compare {
     #[arg(long, value_enum, default_value = "gnss", value_name = "CLOCK")]
     reference_clock: ReferenceClock,
 
-    /// Take the constant rotation between the axes of both out of the attitude errors
+    /// Take the constant rotation between the body axes of both out of the attitude errors
     #[arg(long)]
     remove_mounting: bool,
 

@@ -4,7 +4,7 @@ use super::course::{Course, heading_minus_course};
 use super::errors::{ErrorStatistics, PointError};
 use super::mounting::mean_rotation;
 use super::orientation::{
-    OrientationErrors, OrientationPair, align_earth, orientation_errors, to_enu_flu,
+    OrientationErrors, OrientationPair, align, orientation_errors, to_enu_flu,
 };
 use super::reference::{AttitudeReference, ReferencePoint};
 use super::standing::{DetectedStop, false_standing_s, stop_delays};
@@ -160,7 +160,10 @@ pub fn compare(
         }
     };
     let mut oriented = orientation_pairs(&pairs);
-    let earth = options.align_earth.then(|| align_earth(&mut oriented));
+    let earth = match oriented.is_empty() {
+        true => None,
+        false => align(&mut oriented, options.align_earth, options.remove_mounting),
+    };
     Comparison {
         all: statistics(&mut pairs.iter()),
         standing: statistics(&mut pairs.iter().filter(|p| p.standing() == Some(true))),
