@@ -21,7 +21,7 @@ pub(crate) fn noise_report(log: &Path, r: &LogNoise, windows: bool) -> String {
         1.0 / r.step_s
     );
     allan(&mut text, r);
-    als(&mut text, &r.als, windows);
+    als(&mut text, r, windows);
     let _ = write!(
         text,
         "\nFor the settings (`insnav run -c FILE`):\n\n{}",
@@ -121,7 +121,8 @@ fn fits(text: &mut String, fit: &Fits) {
     );
 }
 
-fn als(text: &mut String, als: &Als, windows: bool) {
+fn als(text: &mut String, r: &LogNoise, windows: bool) {
+    let als = &r.als;
     let used = als.windows.iter().filter(|w| w.accepted).count();
     let _ = writeln!(
         text,
@@ -134,18 +135,31 @@ fn als(text: &mut String, als: &Als, windows: bool) {
             String::new()
         }
     );
+    let common = als
+        .windows
+        .iter()
+        .all(|w| !w.accepted)
+        .then_some(als.reason.as_str());
+    if let Some(reason) = common {
+        let _ = writeln!(text, "  nothing told: {reason}");
+    }
     let mut line = |name: &str, what: &Identified, unit: f64, name_of_unit: &str| {
         let value = match what.standard_error {
             Some(error) if what.accepted => {
                 let (value, error) = pair(what.value * unit, error * unit);
                 format!("{value} ± {error} {name_of_unit}")
             }
-            _ if what.value.is_finite() => format!(
-                "kept at {} {name_of_unit}: {}",
-                significant(what.value * unit),
-                what.reason
-            ),
-            _ => what.reason.clone(),
+            _ if !what.value.is_finite() => what.reason.clone(),
+            _ => {
+                let kept = format!(
+                    "kept at {} {name_of_unit} as it was known",
+                    significant(what.value * unit)
+                );
+                match common {
+                    Some(_) => kept,
+                    None => format!("{kept}: {}", what.reason),
+                }
+            }
         };
         let _ = writeln!(text, "  {name:<24}{value}");
     };
@@ -186,11 +200,11 @@ fn als(text: &mut String, als: &Als, windows: bool) {
     if let Some(chi2) = als.chi2 {
         let _ = writeln!(
             text,
-            "  {:<24}χ²/dof {:.2} of {} lag covariances: {}",
+            "  {:<24}χ²/dof {:.2} over {} lags of {:.3} s, all windows together (at most 3 fits)",
             "test of the model",
             chi2 / als.dof.max(1) as f64,
-            als.dof + 2,
-            if als.accepted { "fits" } else { &als.reason }
+            als.lags,
+            als.averaged as f64 * r.step_s,
         );
     }
     let intervals: Vec<String> = als

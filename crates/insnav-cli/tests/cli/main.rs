@@ -10,6 +10,7 @@ mod findings;
 mod fixture;
 mod formats;
 mod info;
+mod noise;
 mod orientation;
 mod outputs;
 mod parts;

@@ -407,7 +407,7 @@ fn proposals(
 /// Pieces of one stop as one: a door, or somebody who gets in, breaks what the filter holds. Where receiver or wheels speak, the run
 /// has judged that already; where nobody does, what has turned by less than half a degree and held again at once has not driven
 /// off, and the fit tests it as a whole.
-pub(super) fn one_for_one(found: Vec<StopReport>, heard: bool) -> Vec<StopReport> {
+fn one_for_one(found: Vec<StopReport>, heard: bool) -> Vec<StopReport> {
     let mut stops: Vec<StopReport> = Vec::with_capacity(found.len());
     for next in found {
         match stops.last_mut() {

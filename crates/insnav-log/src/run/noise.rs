@@ -15,11 +15,14 @@ use insnav_core::noise::{
     RecordNoise, Refusal, RestStability, identify_noise, rest_stability,
 };
 use insnav_core::noise_floor::NoiseFloor;
-use insnav_core::time::Time;
 use serde::Serialize;
 
 /// Rest shorter than this has no Allan deviation that is worth the name, s.
 const LEAST_REST: f64 = 20.0;
+/// Breaks of a rest up to this are looked at, s, against so much on both sides; what stays within so many sigmas is nothing.
+const SHORT_BREAK: f64 = 4.0;
+const AROUND: f64 = 5.0;
+const QUIET_SIGMAS: f64 = 6.0;
 /// Averaging times up to this tell flicker noise and random walk of common units, s.
 const TELLING_TAU: f64 = 100.0;
 /// An averaging time needs so many times itself.
@@ -217,6 +220,8 @@ pub struct Als {
     pub tilt_white_rad_sqrt_s: Identified,
     /// The same as noise of the accelerometers.
     pub accel_white_m_per_s_per_sqrt_s: Identified,
+    /// How far each body axis was horizontal in the windows that were used: only then its noise is seen.
+    pub axes_seen: [f64; 3],
     /// Random walk of the gyro bias.
     pub gyro_bias_walk_rad_per_s_per_sqrt_s: Identified,
     /// Magnetometer.
@@ -330,7 +335,7 @@ pub fn identify_log_noise(
         ..IdentifyOptions::new(prior)
     };
     let found = identify_noise(&readings, &options).map_err(RunError::Noise)?;
-    let rest = at_rest(source, &config, &survey, request, origin, &mut warnings);
+    let rest = at_rest(source, &config, request, &readings, &mut warnings);
     let (allan, stability) = allan(&readings, rest);
     let told = Told {
         prior: &prior,
@@ -356,9 +361,8 @@ pub fn identify_log_noise(
 fn at_rest(
     source: &(impl Source + ?Sized),
     config: &Config,
-    survey: &Survey,
     request: &NoiseRequest,
-    origin: Time,
+    readings: &[NoiseReading],
     warnings: &mut Vec<Warning>,
 ) -> Result<[f64; 2], String> {
     if let Some(part) = request.part {
@@ -374,35 +378,62 @@ fn at_rest(
         Ok(run) => run,
         Err(error) => return Err(format!("no rest was found: {error}")),
     };
-    let _ = (origin, survey);
-    let stops = super::alignment::one_for_one(run.stops, heard);
-    let longest = stops
-        .iter()
-        .map(|s| [s.begin_s, s.end_s])
-        .max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+    let mut rests: Vec<[f64; 2]> = Vec::new();
+    for stop in &run.stops {
+        match rests.last_mut() {
+            Some(last) if quiet_between(readings, last[1], stop.begin_s) => last[1] = stop.end_s,
+            _ => rests.push([stop.begin_s, stop.end_s]),
+        }
+    }
+    let length = |rest: &[f64; 2]| rest[1] - rest[0];
+    let longest = rests
+        .into_iter()
+        .max_by(|a, b| length(a).total_cmp(&length(b)));
+    let span = match readings {
+        [first, .., last] => last.time.since(first.time),
+        _ => 0.0,
+    };
     match longest {
         None => Err("the log has no rest".into()),
-        Some([begin, end]) if end - begin < LEAST_REST => Err(format!(
-            "the longest rest lasts {:.1} s, from {begin:.1} s on; at least {LEAST_REST} s are needed",
-            end - begin
+        Some(rest) if length(&rest) < LEAST_REST => Err(format!(
+            "the longest rest lasts {:.1} s, from {:.1} s on, and {LEAST_REST} s are needed",
+            length(&rest),
+            rest[0]
         )),
-        Some(stop) => {
-            if !heard && stop[1] - stop[0] < 0.5 * survey_span(survey) {
+        Some(rest) => {
+            if !heard && length(&rest) < 0.5 * span {
                 warnings.push(Warning {
                     code: "unconfirmed_stops",
                     message: "the rest is found by inertial data alone, which cannot tell it from steady speed on a smooth way".into(),
                     remedy: "check it, and give it with `--from` and `--to`".into(),
                 });
             }
-            Ok(stop)
+            Ok(rest)
         }
     }
 }
 
-fn survey_span(survey: &Survey) -> f64 {
-    survey
-        .imu_span
-        .map_or(0.0, |(first, last)| last.since(first))
+/// Whether a short break between two stops shows nothing that they do not: detectors let go of a noisy unit now and then.
+fn quiet_between(readings: &[NoiseReading], end: f64, begin: f64) -> bool {
+    if begin - end > SHORT_BREAK {
+        return false;
+    }
+    let at = |t: f64| readings.partition_point(|r| r.time.seconds() < t);
+    let of = |r: &NoiseReading| {
+        let (w, f) = (r.angular_rate_b, r.specific_force_b);
+        [w.x, w.y, w.z, f.x, f.y, f.z]
+    };
+    let (before, after) = (at(end - AROUND)..at(end), at(begin)..at(begin + AROUND));
+    let around: Vec<[f64; 6]> = before.chain(after).map(|i| of(&readings[i])).collect();
+    let inside = &readings[at(end)..at(begin)];
+    let count = around.len() as f64;
+    (0..6).all(|k| {
+        let mean = around.iter().map(|v| v[k]).sum::<f64>() / count;
+        let variance = around.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / count;
+        inside
+            .iter()
+            .all(|r| (of(r)[k] - mean).abs() <= QUIET_SIGMAS * variance.sqrt())
+    })
 }
 
 fn allan(
@@ -555,6 +586,7 @@ fn als(found: &RecordNoise) -> Als {
         gyro_white_rad_per_sqrt_s: (&tilt.gyro_white).into(),
         tilt_white_rad_sqrt_s: (&tilt.tilt_white).into(),
         accel_white_m_per_s_per_sqrt_s: (&tilt.accel_white).into(),
+        axes_seen: tilt.axes_seen,
         gyro_bias_walk_rad_per_s_per_sqrt_s: (&found.gyro_bias.wander).into(),
         heading: found.heading.as_ref().map(|h| AlsHeading {
             heading_white_rad_sqrt_s: (&h.heading_white).into(),

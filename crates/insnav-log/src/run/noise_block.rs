@@ -45,7 +45,7 @@ pub(super) fn block(told: &Told<'_>) -> String {
             unit: 60.0_f64.to_degrees(),
             prior: told.prior.gyro_white,
             before: before(told, stated.gyro_arw_deg_per_sqrt_hour),
-            allan: gyro.map(white),
+            allan: gyro.map(|axes| white(axes, tilt.axes_seen)),
             als: &tilt.gyro_white,
         },
     );
@@ -57,7 +57,7 @@ pub(super) fn block(told: &Told<'_>) -> String {
             unit: 60.0,
             prior: told.prior.accel_white,
             before: before(told, stated.accel_vrw_m_per_s_per_sqrt_hour),
-            allan: accel.map(white),
+            allan: accel.map(|axes| white(axes, tilt.axes_seen)),
             als: &tilt.accel_white,
         },
     );
@@ -110,13 +110,13 @@ pub(super) fn block(told: &Told<'_>) -> String {
         if noise.accepted {
             let _ = writeln!(
                 text,
-                "# magnetometer, one sample: ± {} µT, by least squares over {} windows; for `insnav ahrs`, a run does not use it",
-                digits(noise.standard_error * 1e6),
+                "# magnetometer, one sample: {} µT by least squares over {} windows; for attitude filters, a run does not use it",
+                with_error(noise.value * 1e6, noise.standard_error * 1e6),
                 heading.windows
             );
             line(&mut text, "magnetometer_microtesla", noise.value * 1e6);
         } else {
-            let _ = writeln!(text, "# magnetometer: {}", noise.reason);
+            let _ = writeln!(text, "# magnetometer: {}", gist(&noise.reason));
         }
     }
     text
@@ -129,21 +129,43 @@ fn before(told: &Told<'_>, stated: Option<f64>) -> String {
     }
 }
 
-/// One density of all axes: the root of the mean square, if all axes fit.
-fn white(axes: &[AxisStability; 3]) -> Option<Estimate> {
-    if !axes.iter().all(fits_well) {
+/// Allan's densities: of all axes, and of those that least squares saw.
+struct Both {
+    all: Estimate,
+    seen: Estimate,
+}
+
+/// One density of several axes: the root of the mean square, if all axes fit.
+fn white(axes: &[AxisStability; 3], seen: [f64; 3]) -> Option<Both> {
+    if !axes.iter().all(fits_well) || axes.iter().any(|a| a.fit.white.value <= 0.0) {
         return None;
     }
-    let squares: f64 = axes.iter().map(|a| a.fit.white.value.powi(2)).sum();
-    let value = (squares / 3.0).sqrt();
-    let errors: f64 = axes
-        .iter()
-        .map(|a| (a.fit.white.value * a.fit.white.standard_error).powi(2))
-        .sum();
-    (value > 0.0).then(|| Estimate {
-        value,
-        error: errors.sqrt() / (3.0 * value),
+    let mean = |weights: [f64; 3]| {
+        let total: f64 = weights.iter().sum();
+        let pairs = axes
+            .iter()
+            .zip(weights)
+            .map(|(a, w)| (a.fit.white, w / total));
+        let square: f64 = pairs.clone().map(|(n, w)| w * n.value.powi(2)).sum();
+        let value = square.sqrt();
+        let error: f64 = pairs
+            .map(|(n, w)| (w * n.value * n.standard_error).powi(2))
+            .sum();
+        Estimate {
+            value,
+            error: error.sqrt() / value,
+        }
+    };
+    let any = seen.iter().sum::<f64>() > 0.0;
+    Some(Both {
+        all: mean([1.0; 3]),
+        seen: mean(if any { seen } else { [1.0; 3] }),
     })
+}
+
+/// The gist of a reason.
+fn gist(reason: &str) -> &str {
+    reason.split(" (").next().unwrap_or(reason)
 }
 
 struct Density<'a> {
@@ -154,7 +176,7 @@ struct Density<'a> {
     prior: f64,
     before: String,
     /// `Some(None)`: an Allan deviation that is not of the three kinds of noise.
-    allan: Option<Option<Estimate>>,
+    allan: Option<Option<Both>>,
     als: &'a Known,
 }
 
@@ -171,28 +193,34 @@ fn density(text: &mut String, d: &Density<'_>) {
         error: d.als.standard_error,
     });
     let (value, why) = match (&d.allan, als) {
-        (Some(Some(allan)), Some(als)) => {
+        (Some(Some(Both { all, seen })), Some(als)) => {
+            let same = (all.value - seen.value).abs() <= 0.005 * all.value;
+            let of_seen = if same {
+                String::new()
+            } else {
+                format!(" ({} of the axes that were level)", show(seen))
+            };
             let both = format!(
-                "{} by Allan deviation, {} by least squares",
-                show(allan),
+                "{}{of_seen} by Allan deviation, {} by least squares",
+                show(all),
                 show(&als)
             );
-            let apart = (allan.value - als.value).abs();
-            if apart <= AGREE * allan.error.hypot(als.error) {
-                if allan.error <= als.error {
+            if (seen.value - als.value).abs() <= AGREE * seen.error.hypot(als.error) {
+                // What Allan's has of the other axes goes with either.
+                if seen.error <= als.error {
                     (
-                        allan.value,
+                        all.value,
                         format!("{both}: they agree, Allan's is the surer one"),
                     )
                 } else {
                     (
-                        als.value,
+                        als.value * all.value / seen.value,
                         format!("{both}: they agree, that of least squares is the surer one"),
                     )
                 }
-            } else if allan.value > als.value {
+            } else if all.value >= als.value {
                 (
-                    allan.value,
+                    all.value,
                     format!(
                         "{both}: they differ, the larger one, since a filter that trusts too much is worse"
                     ),
@@ -206,12 +234,12 @@ fn density(text: &mut String, d: &Density<'_>) {
                 )
             }
         }
-        (Some(Some(allan)), None) => (
-            allan.value,
+        (Some(Some(Both { all, .. })), None) => (
+            all.value,
             format!(
                 "{} by Allan deviation; least squares: {}",
-                show(allan),
-                d.als.reason
+                show(all),
+                gist(&d.als.reason)
             ),
         ),
         (Some(None), Some(als)) => (
@@ -228,7 +256,10 @@ fn density(text: &mut String, d: &Density<'_>) {
                 show(&als)
             ),
         ),
-        (_, None) => (d.prior, format!("{}; {}", d.before, d.als.reason)),
+        (_, None) => (
+            d.prior,
+            format!("{}; least squares: {}", d.before, gist(&d.als.reason)),
+        ),
     };
     let _ = writeln!(text, "# {}: {why}", d.what);
     line(text, d.key, value * d.unit);
@@ -278,9 +309,9 @@ fn tau(text: &mut String, t: &Tau<'_>) {
             let tau = (2.0 * t.sigma * t.sigma / wander).clamp(SHORTEST_TAU, LONGEST_TAU);
             let _ = writeln!(
                 text,
-                "# its wander by Allan deviation: flicker noise B {} {name}, random walk K {} {name}/√s; with this sigma it wanders so by a correlation time of{of_als}",
-                digits(b * t.unit),
-                digits(k * t.unit),
+                "# its wander as a correlation time for this sigma, by Allan deviation: flicker noise B {} {name}, random walk K {} {name}/√s{of_als}",
+                significant(b * t.unit),
+                significant(k * t.unit),
                 name = t.name
             );
             line(text, t.key, tau);
@@ -300,12 +331,32 @@ fn line(text: &mut String, key: &str, value: f64) {
     let _ = writeln!(text, "{key} = {}", digits(value));
 }
 
+/// A value and its error, both to the second digit of the error.
+fn with_error(value: f64, error: f64) -> String {
+    let decimals = (1.0 - error.abs().max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{value:.decimals$} ± {error:.decimals$}")
+}
+
+/// Three significant digits.
+fn significant(value: f64) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
+    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{value:.decimals$}")
+}
+
 /// Four significant digits, as TOML reads them.
 fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return "0.0".into();
     }
-    let decimals = (3.0 - value.abs().log10().floor()).clamp(1.0, 15.0) as usize;
+    let digits = 3.0 - value.abs().log10().floor();
+    if digits < 0.0 {
+        let unit = 10f64.powf(-digits);
+        return format!("{:.1}", (value / unit).round() * unit);
+    }
+    let decimals = digits.clamp(1.0, 15.0) as usize;
     format!("{value:.decimals$}")
 }
 
@@ -315,9 +366,9 @@ mod tests {
 
     #[test]
     fn numbers_have_four_digits_and_a_point() {
-        let got: Vec<String> = [2.517_8, 0.000_123_456, 20_000.0, 150.04, 0.0]
+        let got: Vec<String> = [2.517_8, 0.000_123_456, 20_283.0, 150.04, 0.0]
             .map(digits)
             .into();
-        assert_eq!(got, ["2.518", "0.0001235", "20000.0", "150.0", "0.0"]);
+        assert_eq!(got, ["2.518", "0.0001235", "20280.0", "150.0", "0.0"]);
     }
 }

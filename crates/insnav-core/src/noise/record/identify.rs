@@ -1,12 +1,12 @@
 //! Which windows show the noise of the sensors, and what they show together.
 
 use super::regress::{ANGLE, BIAS, Channel, Fitted, MEASURED};
-use super::steps::{ACCEL_AXES, GYRO_AXES, screen_axes, steps};
+use super::steps::{ACCEL_AXES, GYRO_AXES, MAGNETIC_AXES, screen_axes, screen_series, steps};
 use super::turned::{self, Constant, Start, Turned};
 use super::{BiasNoise, HeadingNoise, Known, NoiseReading, RecordNoise, TiltNoise, WindowNoise};
 use crate::attitude::exp;
 use crate::imu::{ImuNoise, STANDARD_GRAVITY};
-use crate::noise::{LARGEST_CHI2_PER_DOF, Refusal, attitude_differences};
+use crate::noise::{Refusal, attitude_differences};
 use nalgebra::Vector3;
 use std::format;
 use std::ops::Range;
@@ -24,6 +24,11 @@ const STEPS_OF_TIME_CONSTANT: f64 = 10.0;
 const LEAST_STEPS: usize = 240;
 /// Samples without which there is no window.
 const LEAST_SAMPLES: usize = 60;
+/// When so many of the windows are used and fit together, no other scale is tried; one that is must bring the error down to this.
+const ENOUGH_USED: f64 = 0.8;
+const WORTH_IT: f64 = 0.8;
+/// The coarsest scale leaves a window so many steps.
+const FEWEST_STEPS: usize = 100;
 /// The mean specific force of a window without acceleration is gravity, to this share.
 const GRAVITY_OFF: f64 = 0.1;
 /// Innovations with more excess kurtosis than this, plus so many of its standard errors, come in bursts.
@@ -62,6 +67,7 @@ impl IdentifyOptions {
 }
 
 /// A window on its way.
+#[derive(Clone)]
 struct Window {
     range: Range<usize>,
     start: Start,
@@ -74,7 +80,7 @@ struct Window {
 ///
 /// White noise of the gyros (q) and of the angles that the other sensors tell (r), by autocovariance least squares over windows in
 /// axes that stand still. A window goes into the estimate if the model fits its lag covariances (χ² at most
-/// [`LARGEST_CHI2_PER_DOF`] by degree of freedom, innovations without bursts) and if it does not show more gyro noise than the
+/// [`LARGEST_CHI2_PER_DOF`](crate::noise::LARGEST_CHI2_PER_DOF) by degree of freedom, innovations without bursts) and if it does not show more gyro noise than the
 /// quietest windows do: unmodelled acceleration is left out, not taken up. Where no window does, what was known is kept and the reason is told.
 ///
 /// # Errors
@@ -113,7 +119,8 @@ pub fn identify_noise(
         .iter_mut()
         .for_each(|w| linearise(w, record, step, prior_q));
     let mut start = differences(&windows, record, step, prior_q);
-    if options.window_s.is_none() {
+    let level = windows.iter().filter(|w| w.reason.is_none()).count();
+    if options.window_s.is_none() && 2 * level > windows.len() {
         let wanted = (WINDOW_TIME_CONSTANTS * time_constant(&start) * step).min(LONGEST_WINDOW);
         if wanted > 1.2 * length {
             length = wanted;
@@ -128,53 +135,39 @@ pub fn identify_noise(
         }
     }
     let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
-    let averaged = averaging(&start, shortest);
-    let block = averaged as f64 * step;
-    let lags = options.lags.min(shortest / averaged / 4).max(4);
-    let channel = Channel::new(block, lags, options.rounds.max(1));
     let wander = prior.gyro_bias_sigma * (2.0 / prior.gyro_bias_tau).sqrt();
-    let begin = [
-        start[0] * averaged as f64,
-        wander * wander * block,
-        start[1] / averaged as f64,
-    ];
-    for window in &mut windows {
-        if window.reason.is_none() {
-            let turned = turned::tilts(&record[window.range.clone()], &window.start);
-            window.data = turned::average(&turned, averaged);
-            judge(window, &channel, begin);
-        }
-    }
-    let mut reasons: Vec<Option<String>> = windows.iter().map(|w| w.reason.clone()).collect();
-    let fits: Vec<Option<&Fitted>> = windows.iter().map(|w| w.fitted.as_ref()).collect();
-    keep_the_quietest(&fits, &mut reasons);
-    let used: Vec<usize> = (0..windows.len())
-        .filter(|i| reasons[*i].is_none())
-        .collect();
-    let data: Vec<&Turned> = used
-        .iter()
-        .filter_map(|i| windows[*i].data.as_ref())
-        .collect();
-    let pooled = pool(&channel, &data, begin);
-    let gravity =
-        used.iter().map(|i| windows[*i].start.gravity).sum::<f64>() / used.len().max(1) as f64;
-    let (gyro_white, tilt_white, chi2, dof) = noises(&pooled, block, &why_none(&reasons), "tilt");
+    let scaled = best_scale(
+        averaging(&start, shortest),
+        shortest,
+        &windows,
+        |averaged| Scale::new(averaged, step, shortest, wander, &start, options),
+        |w, averaged| {
+            let turned = turned::tilts(&record[w.range.clone()], &w.start);
+            turned::average(&turned, averaged)
+        },
+    );
+    let count = scaled.used().count();
+    let gravity = scaled.used().map(|w| w.start.gravity).sum::<f64>() / count.max(1) as f64;
+    let (gyro_white, tilt_white, chi2, dof) = noises(&scaled, "tilt");
     let tilt_prior = prior.accel_white / STANDARD_GRAVITY;
     let tilt = TiltNoise {
         gyro_white: gyro_white.or(prior.gyro_white),
         accel_white: tilt_white.clone().scaled(gravity).or(prior.accel_white),
         tilt_white: tilt_white.or(tilt_prior),
+        axes_seen: axes_seen(record, scaled.used()),
         chi2,
         dof,
     };
     let gyro_bias = BiasNoise {
         prior: wander,
-        wander: bias_noise(&channel, &data, &pooled, begin, block).or(wander),
+        wander: bias_noise(&scaled).or(wander),
     };
-    let heading = heading(record, &windows, options, step, &tilt)?;
-    let windows = windows
+    let heading = heading(record, &scaled.windows, options, step, &tilt);
+    let block = scaled.scale.block;
+    let windows = scaled
+        .windows
         .iter()
-        .zip(&reasons)
+        .zip(&scaled.reasons)
         .map(|(window, reason)| describe(window, reason, record, block))
         .collect();
     Ok(RecordNoise {
@@ -182,13 +175,177 @@ pub fn identify_noise(
         samples: record.len(),
         pieces: steps.pieces.len(),
         window_s: length,
-        averaged,
-        lags,
+        averaged: scaled.scale.averaged,
+        lags: scaled.scale.channel.lags,
         tilt,
         heading,
         gyro_bias,
         windows,
     })
+}
+
+impl Window {
+    fn of(range: Range<usize>) -> Self {
+        Window {
+            range,
+            start: Start {
+                attitude: nalgebra::UnitQuaternion::identity(),
+                gyro_bias: Vector3::zeros(),
+                gravity: f64::NAN,
+                field: None,
+            },
+            data: None,
+            fitted: None,
+            reason: None,
+        }
+    }
+}
+
+/// What depends on how many samples are averaged.
+struct Scale {
+    averaged: usize,
+    block: f64,
+    channel: Channel,
+    /// Start values, per block.
+    begin: [f64; 3],
+}
+
+impl Scale {
+    fn new(
+        averaged: usize,
+        step: f64,
+        shortest: usize,
+        wander: f64,
+        [q, r]: &[f64; 2],
+        options: &IdentifyOptions,
+    ) -> Self {
+        let block = averaged as f64 * step;
+        let lags = options.lags.min(shortest / averaged / 4).max(4);
+        Scale {
+            averaged,
+            block,
+            channel: Channel::new(block, lags, options.rounds.max(1)),
+            begin: [
+                q * averaged as f64,
+                wander * wander * block,
+                r / averaged as f64,
+            ],
+        }
+    }
+}
+
+/// Windows as they were judged at one scale.
+struct Scaled {
+    scale: Scale,
+    windows: Vec<Window>,
+    reasons: Vec<Option<String>>,
+    pooled: Option<Result<Fitted, Refusal>>,
+}
+
+impl Scaled {
+    fn used(&self) -> impl Iterator<Item = &Window> {
+        let pairs = self.windows.iter().zip(&self.reasons);
+        pairs.filter(|(_, r)| r.is_none()).map(|(w, _)| w)
+    }
+
+    /// Standard error of the gyros' variance over itself, with what the windows together show beyond it.
+    fn relative_error(&self) -> f64 {
+        match &self.pooled {
+            Some(Ok(fitted)) => {
+                let (q, error) = (
+                    fitted.estimate.theta[ANGLE],
+                    fitted.estimate.standard_errors[ANGLE],
+                );
+                self.widening(fitted)[ANGLE] * error / q.max(0.1 * error)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// By how much the stated errors of the three unknowns are too small: for what the windows together leave beyond chance, and for
+    /// what they scatter among each other beyond it.
+    fn widening(&self, pooled: &Fitted) -> [f64; 3] {
+        let estimate = &pooled.estimate;
+        let left = estimate.chi2 / estimate.dof as f64;
+        let count = self.used().count() as f64;
+        let beyond = |ratio: f64, of: f64| {
+            let chance = 1.0 + 3.0 * (2.0 / of).sqrt();
+            if ratio > chance { ratio } else { 1.0 }
+        };
+        let left = beyond(left, estimate.dof as f64);
+        core::array::from_fn(|i| {
+            // Of windows of one length, errors by the noise that all have: that of a window alone is small where its noise is.
+            let error = estimate.standard_errors[i] * count.sqrt();
+            let squares: f64 = self
+                .used()
+                .filter_map(|w| w.fitted.as_ref())
+                .map(|f| ((f.estimate.theta[i] - estimate.theta[i]) / error).powi(2))
+                .sum();
+            let scatter = squares / (count - 1.0).max(1.0);
+            left.max(beyond(scatter, count)).sqrt()
+        })
+    }
+}
+
+/// Judge all windows, with more and more samples averaged as long as that makes the result surer: what colours the noise of
+/// neighbouring samples (a low-pass, coarse steps, an engine) is gone in averages.
+fn best_scale(
+    first: usize,
+    shortest: usize,
+    windows: &[Window],
+    scale: impl Fn(usize) -> Scale,
+    data: impl Fn(&Window, usize) -> Option<Turned>,
+) -> Scaled {
+    let judged_at = |averaged: usize| {
+        let scale = scale(averaged);
+        let mut windows = windows.to_vec();
+        for window in &mut windows {
+            if window.reason.is_none() {
+                window.data = data(window, averaged);
+                judge(window, &scale.channel, scale.begin);
+            }
+        }
+        let mut reasons: Vec<Option<String>> = windows.iter().map(|w| w.reason.clone()).collect();
+        keep_the_quietest(&windows, &mut reasons);
+        let mut scaled = Scaled {
+            scale,
+            windows,
+            reasons,
+            pooled: None,
+        };
+        let data: Vec<&Turned> = scaled.used().filter_map(|w| w.data.as_ref()).collect();
+        let Scale { channel, begin, .. } = &scaled.scale;
+        scaled.pooled =
+            (!data.is_empty()).then(|| channel.estimate(&data, *begin, Some(begin[BIAS])));
+        scaled
+    };
+    let good = |s: &Scaled| {
+        let fits = matches!(&s.pooled, Some(Ok(fitted)) if fitted.estimate.fits());
+        fits && s.used().count() as f64 > ENOUGH_USED * windows.len() as f64
+    };
+    let mut best = judged_at(first);
+    let mut averaged = 2 * first;
+    while !good(&best) && shortest / averaged >= FEWEST_STEPS {
+        let next = judged_at(averaged);
+        if next.relative_error() < WORTH_IT * best.relative_error() {
+            best = next;
+        }
+        averaged *= 2;
+    }
+    best
+}
+
+/// How far each body axis was horizontal in these windows: 1 all the time, 0 never.
+fn axes_seen<'a>(record: &[NoiseReading], windows: impl Iterator<Item = &'a Window>) -> [f64; 3] {
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for window in windows {
+        for attitude in turned::attitudes(&record[window.range.clone()], &window.start) {
+            let up = attitude.inverse() * Vector3::z();
+            sum += up.map(|c| 1.0 - c * c);
+            count += 1.0;
+        }
+    }
+    (sum / f64::max(count, 1.0)).into()
 }
 
 /// Windows of about so many samples that fill the pieces.
@@ -201,18 +358,8 @@ fn cut(pieces: &[Range<usize>], samples: f64) -> Vec<Window> {
         }
         let count = ((n as f64 / samples) as usize).max(1);
         for k in 0..count {
-            windows.push(Window {
-                range: piece.start + k * n / count..piece.start + (k + 1) * n / count,
-                start: Start {
-                    attitude: nalgebra::UnitQuaternion::identity(),
-                    gyro_bias: Vector3::zeros(),
-                    gravity: f64::NAN,
-                    field: None,
-                },
-                data: None,
-                fitted: None,
-                reason: None,
-            });
+            let at = |k: usize| piece.start + k * n / count;
+            windows.push(Window::of(at(k)..at(k + 1)));
         }
     }
     windows
@@ -338,7 +485,11 @@ fn by_differences(data: &Turned, prior_q: f64, step: f64) -> Option<[f64; 2]> {
                 .for_each(|(y, h)| *y -= value * h);
         }
         let n = clean.len();
-        let spans: Vec<usize> = (0..).map(|k| 1 << k).take_while(|s| s * 20 <= n).collect();
+        // Neighbouring samples share the sensor's low-pass: spans from four steps on, where there are enough.
+        let spans: Vec<usize> = (if n < 400 { 0 } else { 2 }..)
+            .map(|k| 1 << k)
+            .take_while(|s| s * 20 <= n)
+            .collect();
         let (q, r) = attitude_differences(&clean, &vec![0.0; n], &spans).ok()?;
         sum[0] += q;
         sum[1] += r;
@@ -373,12 +524,12 @@ fn judge(window: &mut Window, channel: &Channel, begin: [f64; 3]) {
 }
 
 /// Leave out what shows more gyro noise than the quietest windows: slow acceleration, or errors of the gyros' scale, that pass for it.
-fn keep_the_quietest(fits: &[Option<&Fitted>], reasons: &mut [Option<String>]) {
+fn keep_the_quietest(windows: &[Window], reasons: &mut [Option<String>]) {
     let q = |f: &Fitted| (f.estimate.theta[ANGLE], f.estimate.standard_errors[ANGLE]);
     let usable = |i: &usize| reasons[*i].is_none();
-    let all: Vec<(usize, f64, f64)> = (0..fits.len())
+    let all: Vec<(usize, f64, f64)> = (0..windows.len())
         .filter(usable)
-        .filter_map(|i| fits[i].map(|f| (i, q(f).0, q(f).1)))
+        .filter_map(|i| windows[i].fitted.as_ref().map(|f| (i, q(f).0, q(f).1)))
         .collect();
     let Some(&(_, least, error)) = all
         .iter()
@@ -401,10 +552,6 @@ fn keep_the_quietest(fits: &[Option<&Fitted>], reasons: &mut [Option<String>]) {
             ));
         }
     }
-}
-
-fn pool(channel: &Channel, data: &[&Turned], begin: [f64; 3]) -> Option<Result<Fitted, Refusal>> {
-    (!data.is_empty()).then(|| channel.estimate(data, begin, Some(begin[BIAS])))
 }
 
 /// Why no window is used: the commonest reason.
@@ -461,94 +608,89 @@ impl Known {
 }
 
 /// Gyro noise, angle noise, χ² and degrees of freedom.
-fn noises(
-    pooled: &Option<Result<Fitted, Refusal>>,
-    block: f64,
-    none: &str,
-    what: &str,
-) -> (Known, Known, f64, usize) {
-    let estimate = match pooled {
-        None => {
-            let not = Known::not(none.to_string());
-            return (not.clone(), not, f64::NAN, 0);
-        }
-        Some(Err(refusal)) => {
-            let not = Known::not(refusal.to_string());
-            return (not.clone(), not, f64::NAN, 0);
-        }
-        Some(Ok(fitted)) => &fitted.estimate,
+fn noises(scaled: &Scaled, what: &str) -> (Known, Known, f64, usize) {
+    let block = scaled.scale.block;
+    let nothing = |why: String| {
+        let not = Known::not(why);
+        (not.clone(), not, f64::NAN, 0)
     };
-    let ratio = estimate.chi2 / estimate.dof as f64;
-    // Each window fits by itself; what they show together beyond that widens the errors, as is usual for a scatter beyond the stated.
-    let widened = ratio.max(1.0).sqrt();
+    let fitted = match &scaled.pooled {
+        None => return nothing(why_none(&scaled.reasons)),
+        Some(Err(refusal)) => return nothing(refusal.to_string()),
+        Some(Ok(fitted)) => fitted,
+    };
+    let estimate = &fitted.estimate;
+    let widening = scaled.widening(fitted);
+    let told = |by: f64| {
+        if by <= 1.0 {
+            "fits".to_string()
+        } else if estimate.fits() {
+            format!("fits (errors {by:.1} times those of one noise, which the windows show)")
+        } else {
+            format!(
+                "every window fits (together χ²/dof {:.0}: not quite white, errors {by:.1} times those of white noise)",
+                estimate.chi2 / estimate.dof as f64
+            )
+        }
+    };
     let q = estimate.theta[ANGLE];
-    let q_error = estimate.standard_errors[ANGLE] * widened;
+    let q_error = estimate.standard_errors[ANGLE] * widening[ANGLE];
     // The mean over a block: see `turned::average`.
     let r = estimate.theta[MEASURED] + q / 6.0;
-    let r_error = estimate.standard_errors[MEASURED] * widened;
-    if !estimate.fits() {
-        let not = Known::not(format!(
-            "the windows do not fit together (χ²/dof {ratio:.1}, at most {LARGEST_CHI2_PER_DOF}): the noise changes, or is not white"
-        ));
-        return (not.clone(), not, estimate.chi2, estimate.dof);
-    }
+    let r_error = estimate.standard_errors[MEASURED] * widening[MEASURED];
     let gyro = if q <= 0.0 {
         Known::not(format!(
-            "the estimate is on its bound, zero: less than {:.2e} rad/√s (two sigmas) cannot be seen beside this {what} noise; record longer",
+            "the estimate is on its bound, zero (less than {:.1e} rad/√s cannot be seen beside this {what} noise): record longer",
             (2.0 * q_error / block).sqrt()
         ))
     } else if q_error >= q {
         Known::not(format!(
-            "not identifiable: standard error above the value, less than {:.2e} rad/√s (two sigmas); record longer",
+            "not identifiable (the standard error exceeds the value, less than {:.1e} rad/√s): record longer",
             ((q + 2.0 * q_error) / block).sqrt()
         ))
     } else {
-        Known::root(q, q_error, block, "fits")
+        Known::root(q, q_error, block, &told(widening[ANGLE]))
     };
     let angle = if r > 0.0 && r_error < r {
-        Known::root(r, r_error, 1.0 / block, "fits")
+        Known::root(r, r_error, 1.0 / block, &told(widening[MEASURED]))
     } else {
         Known::not(format!(
-            "the estimate of the {what} noise is on its bound, zero: the gyros hide it"
+            "the {what} noise is not identifiable beside that of the gyros (the standard error exceeds the value)"
         ))
     };
     (gyro, angle, estimate.chi2, estimate.dof)
 }
 
 /// The wander of the bias as a free unknown, to say whether the record tells it.
-fn bias_noise(
-    channel: &Channel,
-    data: &[&Turned],
-    pooled: &Option<Result<Fitted, Refusal>>,
-    begin: [f64; 3],
-    block: f64,
-) -> Known {
-    let Some(Ok(fitted)) = pooled else {
+fn bias_noise(scaled: &Scaled) -> Known {
+    let Some(Ok(fitted)) = &scaled.pooled else {
         return Known::not("no window can be used".to_string());
     };
+    let Scale {
+        channel,
+        begin,
+        block,
+        ..
+    } = &scaled.scale;
+    let data: Vec<&Turned> = scaled.used().filter_map(|w| w.data.as_ref()).collect();
     let theta = &fitted.estimate.theta;
     let start = [
         theta[ANGLE].max(0.01 * begin[ANGLE]),
         begin[BIAS],
         theta[MEASURED].max(0.01 * begin[MEASURED]),
     ];
-    match channel.estimate(data, start, None) {
+    match channel.estimate(&data, start, None) {
         Err(refusal) => Known::not(refusal.to_string()),
         Ok(free) => {
-            let (value, error) = (
-                free.estimate.theta[BIAS],
-                free.estimate.standard_errors[BIAS],
-            );
+            let value = free.estimate.theta[BIAS];
+            let error = free.estimate.standard_errors[BIAS] * scaled.widening(&free)[ANGLE];
             let limit = ((value + 2.0 * error) / block).sqrt();
-            if value <= 2.0 * error || !free.estimate.fits() {
-                Known {
-                    standard_error: limit,
-                    ..Known::not(format!(
-                        "not identifiable from windows of this length: standard error {error:.1e} of {value:.1e} rad²/s² per step; less than {limit:.2e} rad/s/√s"
-                    ))
-                }
+            if value > 3.0 * error {
+                Known::root(value, error, *block, "fits")
             } else {
-                Known::root(value, error, block, "fits")
+                Known::not(format!(
+                    "not identifiable from windows of this length (less than {limit:.1e} rad/s/√s)"
+                ))
             }
         }
     }
@@ -560,10 +702,10 @@ fn heading(
     options: &IdentifyOptions,
     step: f64,
     tilt: &TiltNoise,
-) -> Result<Option<HeadingNoise>, Refusal> {
+) -> Option<HeadingNoise> {
     let fields: Vec<Vector3<f64>> = record.iter().filter_map(|r| r.magnetic_field_b).collect();
     if fields.len() < LEAST_SAMPLES {
-        return Ok(None);
+        return None;
     }
     let prior = options.prior;
     // Averages need a sample each, at whatever rate the magnetometer comes.
@@ -603,58 +745,40 @@ fn heading(
         dof: 0,
         windows: 0,
     };
+    if let Err(refusal) = screen_series(&fields, MAGNETIC_AXES) {
+        return Some(not(refusal.to_string()));
+    }
     if noise.is_empty() {
-        return Ok(Some(not("no window has a horizontal field".to_string())));
+        return Some(not("no window has a horizontal field".to_string()));
     }
     noise.sort_unstable_by(f64::total_cmp);
-    let begin = [q, noise[noise.len() / 4].max(f64::MIN_POSITIVE)];
+    let start = [q, noise[noise.len() / 4].max(f64::MIN_POSITIVE)];
     let shortest = starts.iter().map(|(r, _)| r.len()).min().unwrap_or(0);
-    let averaged = averaging(&begin, shortest).max(sparse);
-    let block = averaged as f64 * step;
-    let lags = options.lags.min(shortest / averaged / 4).max(4);
-    let channel = Channel::new(block, lags, options.rounds.max(1));
     let wander = prior.gyro_bias_sigma * (2.0 / prior.gyro_bias_tau).sqrt();
-    let theta = [
-        begin[0] * averaged as f64,
-        wander * wander * block,
-        begin[1] / averaged as f64,
-    ];
-    let mut judged: Vec<Window> = starts
+    let fresh: Vec<Window> = starts
         .iter()
-        .map(|s| {
-            let mut window = Window {
-                range: s.0.clone(),
-                start: s.1,
-                data: turned(s, averaged),
-                fitted: None,
-                reason: None,
-            };
-            judge(&mut window, &channel, theta);
-            window
+        .map(|(range, start)| Window {
+            start: *start,
+            ..Window::of(range.clone())
         })
         .collect();
-    let mut reasons: Vec<Option<String>> = judged.iter_mut().map(|w| w.reason.take()).collect();
-    let fits: Vec<Option<&Fitted>> = judged.iter().map(|w| w.fitted.as_ref()).collect();
-    keep_the_quietest(&fits, &mut reasons);
-    let used: Vec<usize> = (0..judged.len())
-        .filter(|i| reasons[*i].is_none())
-        .collect();
-    let data: Vec<&Turned> = used
-        .iter()
-        .filter_map(|i| judged[*i].data.as_ref())
-        .collect();
-    let pooled = pool(&channel, &data, theta);
-    let (gyro, angle, chi2, dof) = noises(&pooled, block, &why_none(&reasons), "heading");
+    let scaled = best_scale(
+        averaging(&start, shortest).max(sparse),
+        shortest,
+        &fresh,
+        |averaged| Scale::new(averaged, step, shortest, wander, &start, options),
+        |w, averaged| turned(&(w.range.clone(), w.start), averaged),
+    );
+    let (gyro, angle, chi2, dof) = noises(&scaled, "heading");
+    let used = scaled.used().count();
     let mean = |of: &dyn Fn(&Vector3<f64>) -> f64| {
-        used.iter()
-            .filter_map(|i| judged[*i].start.field.as_ref().map(of))
-            .sum::<f64>()
-            / used.len().max(1) as f64
+        let fields = scaled.used().filter_map(|w| w.start.field);
+        fields.map(|f| of(&f)).sum::<f64>() / used.max(1) as f64
     };
     let (horizontal, dip) = (mean(&|f| f.x), mean(&|f| f.z / f.x));
     // One sample of the magnetometer: the density over the root of its own step.
     let own_step = step * record.len() as f64 / fields.len() as f64;
-    Ok(Some(HeadingNoise {
+    Some(HeadingNoise {
         magnetometer: angle.clone().scaled(horizontal / own_step.sqrt()),
         heading_white: angle,
         // The tilt that dip adds has gyro noise of its own.
@@ -663,8 +787,8 @@ fn heading(
             .or(prior.gyro_white),
         chi2,
         dof,
-        windows: used.len(),
-    }))
+        windows: used,
+    })
 }
 
 fn describe(

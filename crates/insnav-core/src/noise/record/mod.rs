@@ -55,6 +55,8 @@ pub struct TiltNoise {
     pub tilt_white: Known,
     /// The same as noise of the accelerometers, m/s/√s.
     pub accel_white: Known,
+    /// How far each body axis was horizontal in the windows that are used, 0 to 1: only then its noise is seen.
+    pub axes_seen: [f64; 3],
     /// Weighted sum of squares of what the model leaves of the lag covariances of all windows that are used; NaN without any.
     pub chi2: f64,
     /// Lag covariances less unknowns.

@@ -155,6 +155,7 @@ impl Channel {
 }
 
 /// What an estimate says of windows.
+#[derive(Clone)]
 pub(super) struct Fitted {
     pub(super) estimate: Estimate,
     /// Excess kurtosis of the innovations and its standard error for Gaussian noise.

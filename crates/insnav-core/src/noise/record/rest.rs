@@ -63,7 +63,12 @@ pub fn rest_stability(record: &[NoiseReading]) -> Result<RestStability, Refusal>
     // Jitter of the stamps is none of the samples: the mean step is theirs.
     let span = readings[readings.len() - 1].time.since(readings[0].time);
     let step_s = span / (readings.len() - 1) as f64;
-    let averaged = averaging_samples(readings.len(), PER_OCTAVE);
+    let mut averaged = averaging_samples(readings.len(), PER_OCTAVE);
+    // Round averaging times are what people compare.
+    let decades = (-1..5).map(|k| (10f64.powi(k) / step_s).round() as usize);
+    averaged.extend(decades.filter(|m| *m > 0 && *m <= readings.len() / 4));
+    averaged.sort_unstable();
+    averaged.dedup();
     let axis = |of: &dyn Fn(&NoiseReading) -> Vector3<f64>, k: usize| {
         let record: Vec<f64> = readings.iter().map(|r| of(r)[k]).collect();
         let points = overlapping_allan(&record, step_s, &averaged)?;

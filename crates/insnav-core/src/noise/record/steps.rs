@@ -17,6 +17,7 @@ const MOST_UNEVEN: f64 = 0.05;
 const MOST_REPEATED: f64 = 0.9;
 
 pub(super) const GYRO_AXES: [&str; 3] = ["gyro x", "gyro y", "gyro z"];
+pub(super) const MAGNETIC_AXES: [&str; 3] = ["magnetometer x", "magnetometer y", "magnetometer z"];
 pub(super) const ACCEL_AXES: [&str; 3] = ["accelerometer x", "accelerometer y", "accelerometer z"];
 
 /// The usual step and the pieces of a record between its gaps.
@@ -75,8 +76,17 @@ pub(super) fn screen_axes(
     of: impl Fn(&NoiseReading) -> Vector3<f64>,
     names: [&'static str; 3],
 ) -> Result<(), Refusal> {
+    let series: Vec<Vector3<f64>> = record.iter().map(of).collect();
+    screen_series(&series, names)
+}
+
+/// The same of vectors.
+pub(super) fn screen_series(
+    series: &[Vector3<f64>],
+    names: [&'static str; 3],
+) -> Result<(), Refusal> {
     for (k, axis) in names.into_iter().enumerate() {
-        let values: Vec<f64> = record.iter().map(|r| of(r)[k]).collect();
+        let values: Vec<f64> = series.iter().map(|v| v[k]).collect();
         let named = |why: Refusal| Refusal::Axis {
             axis,
             why: Box::new(why),
