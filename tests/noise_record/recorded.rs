@@ -47,7 +47,8 @@ fn a_tenth_of_the_data_tells_the_gyros_white_noise() {
         let noise = identify_noise(&readings[part * 50_000..][..50_000], &options).expect("good");
         let gyro = &noise.tilt.gyro_white;
         println!(
-            "part {part}: {:.3} ± {:.3} °/√h by least squares, {:.3} by Allan deviation, ratio {:.3}; {} of {} windows, {} samples averaged, χ²/dof {:.1}; {}",
+            "part {part}: tones {:.3?} Hz, {:.3} ± {:.3} °/√h by least squares, {:.3} by Allan deviation, ratio {:.3}; {} of {} windows, {} samples averaged, χ²/dof {:.1}; {}",
+            noise.tones_hz,
             per_root_hour(gyro.value),
             per_root_hour(gyro.standard_error),
             per_root_hour(allan),

@@ -207,6 +207,15 @@ fn als(text: &mut String, r: &LogNoise, windows: bool) {
             als.averaged as f64 * r.step_s,
         );
     }
+    if !als.tones_hz.is_empty() {
+        let tones: Vec<String> = als.tones_hz.iter().map(|f| significant(*f)).collect();
+        let _ = writeln!(
+            text,
+            "  {:<24}{} Hz in the accelerometers, no noise of theirs (machines, mains, aliases of them)",
+            "tones taken out",
+            tones.join(", ")
+        );
+    }
     let intervals: Vec<String> = als
         .accepted_intervals_s
         .iter()

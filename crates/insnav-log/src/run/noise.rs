@@ -232,6 +232,8 @@ pub struct Als {
     pub averaged: usize,
     /// Lags.
     pub lags: usize,
+    /// Lines in the spectrum of the accelerometers that were taken out, Hz.
+    pub tones_hz: Vec<f64>,
     /// Windows that were used, joined, s after the log's zero.
     pub accepted_intervals_s: Vec<[f64; 2]>,
     /// All windows.
@@ -598,6 +600,7 @@ fn als(found: &RecordNoise) -> Als {
         window_s: found.window_s,
         averaged: found.averaged,
         lags: found.lags,
+        tones_hz: found.tones_hz.clone(),
         accepted_intervals_s: found
             .accepted_intervals()
             .into_iter()

@@ -2,11 +2,12 @@
 
 use super::regress::{ANGLE, BIAS, Channel, Fitted, MEASURED};
 use super::steps::{ACCEL_AXES, GYRO_AXES, MAGNETIC_AXES, screen_axes, screen_series, steps};
+use super::tones;
 use super::turned::{self, Constant, Start, Turned};
 use super::{BiasNoise, HeadingNoise, Known, NoiseReading, RecordNoise, TiltNoise, WindowNoise};
 use crate::attitude::exp;
 use crate::imu::{ImuNoise, STANDARD_GRAVITY};
-use crate::noise::{Refusal, attitude_differences};
+use crate::noise::{LARGEST_CHI2_PER_DOF, Refusal, attitude_differences};
 use nalgebra::Vector3;
 use std::format;
 use std::ops::Range;
@@ -27,6 +28,8 @@ const LEAST_SAMPLES: usize = 60;
 /// When so many of the windows are used and fit together, no other scale is tried; one that is must bring the error down to this.
 const ENOUGH_USED: f64 = 0.8;
 const WORTH_IT: f64 = 0.8;
+/// Steps of a long window at the first of the coarser scales.
+const COARSE_STEPS: usize = 480;
 /// The coarsest scale leaves a window so many steps.
 const FEWEST_STEPS: usize = 100;
 /// The mean specific force of a window without acceleration is gravity, to this share.
@@ -80,7 +83,7 @@ struct Window {
 ///
 /// White noise of the gyros (q) and of the angles that the other sensors tell (r), by autocovariance least squares over windows in
 /// axes that stand still. A window goes into the estimate if the model fits its lag covariances (χ² at most
-/// [`LARGEST_CHI2_PER_DOF`](crate::noise::LARGEST_CHI2_PER_DOF) by degree of freedom, innovations without bursts) and if it does not show more gyro noise than the
+/// [`LARGEST_CHI2_PER_DOF`] by degree of freedom, innovations without bursts) and if it does not show more gyro noise than the
 /// quietest windows do: unmodelled acceleration is left out, not taken up. Where no window does, what was known is kept and the reason is told.
 ///
 /// # Errors
@@ -118,7 +121,7 @@ pub fn identify_noise(
     windows
         .iter_mut()
         .for_each(|w| linearise(w, record, step, prior_q));
-    let mut start = differences(&windows, record, step, prior_q);
+    let mut start = differences(&windows, record, step, prior_q, &[]);
     let level = windows.iter().filter(|w| w.reason.is_none()).count();
     if options.window_s.is_none() && 2 * level > windows.len() {
         let wanted = (WINDOW_TIME_CONSTANTS * time_constant(&start) * step).min(LONGEST_WINDOW);
@@ -130,22 +133,52 @@ pub fn identify_noise(
                 windows
                     .iter_mut()
                     .for_each(|w| linearise(w, record, step, prior_q));
-                start = differences(&windows, record, step, prior_q);
+                start = differences(&windows, record, step, prior_q, &[]);
             }
         }
     }
     let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
     let wander = prior.gyro_bias_sigma * (2.0 / prior.gyro_bias_tau).sqrt();
-    let scaled = best_scale(
-        averaging(&start, shortest),
-        shortest,
-        &windows,
-        |averaged| Scale::new(averaged, step, shortest, wander, &start, options),
-        |w, averaged| {
-            let turned = turned::tilts(&record[w.range.clone()], &w.start);
-            turned::average(&turned, averaged)
-        },
-    );
+    let tones_hz = lines(&windows, record, step, &start);
+    if !tones_hz.is_empty() {
+        start = differences(&windows, record, step, prior_q, &tones_hz);
+    }
+    let at_scales = |windows: &[Window], first: usize| {
+        let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
+        best_scale(
+            first,
+            shortest,
+            windows,
+            |averaged| Scale::new(averaged, step, shortest, wander, &start, options),
+            |w, averaged| {
+                let turned = turned::tilts(&record[w.range.clone()], &w.start);
+                let mut turned = turned::average(&turned, averaged)?;
+                tones::add(&mut turned, &per_sample(&tones_hz, averaged as f64 * step));
+                Some(turned)
+            },
+        )
+    };
+    let mut scaled = at_scales(&windows, averaging(&start, shortest));
+    if !scaled.is_good()
+        && options.window_s.is_none()
+        && length < LONGEST_WINDOW
+        && 2 * level > windows.len()
+    {
+        // Coarser scales, at which less of the noise is coloured, need longer windows.
+        let mut longer = cut(&steps.pieces, LONGEST_WINDOW / step);
+        longer
+            .iter_mut()
+            .for_each(|w| linearise(w, record, step, prior_q));
+        let shortest = longer.iter().map(|w| w.range.len()).min().unwrap_or(0);
+        if shortest > 0 {
+            let coarse = (shortest / COARSE_STEPS).max(1);
+            let next = at_scales(&longer, coarse);
+            if next.is_better_than(&scaled) {
+                scaled = next;
+                length = LONGEST_WINDOW;
+            }
+        }
+    }
     let count = scaled.used().count();
     let gravity = scaled.used().map(|w| w.start.gravity).sum::<f64>() / count.max(1) as f64;
     let (gyro_white, tilt_white, chi2, dof) = noises(&scaled, "tilt");
@@ -177,6 +210,7 @@ pub fn identify_noise(
         window_s: length,
         averaged: scaled.scale.averaged,
         lags: scaled.scale.channel.lags,
+        tones_hz,
         tilt,
         heading,
         gyro_bias,
@@ -262,6 +296,37 @@ impl Scaled {
         }
     }
 
+    /// Of the covariances that windows together leave, by degree of freedom.
+    fn left(&self) -> f64 {
+        match &self.pooled {
+            Some(Ok(f)) => f.estimate.chi2 / f.estimate.dof as f64,
+            _ => f64::INFINITY,
+        }
+    }
+
+    fn fits(&self) -> bool {
+        self.left() <= LARGEST_CHI2_PER_DOF
+    }
+
+    fn share(&self) -> f64 {
+        self.used().count() as f64 / self.windows.len().max(1) as f64
+    }
+
+    /// Nothing to be gained by another scale.
+    fn is_good(&self) -> bool {
+        self.fits() && self.share() > ENOUGH_USED
+    }
+
+    /// What fits is better than what does not; then the surer one, or, of what does not, what is nearer to it.
+    fn is_better_than(&self, other: &Self) -> bool {
+        match (self.fits(), other.fits()) {
+            (true, false) => 2.0 * self.share() > other.share(),
+            (false, true) => false,
+            (true, true) => self.relative_error() < WORTH_IT * other.relative_error(),
+            (false, false) => self.left() * other.share() < WORTH_IT * other.left() * self.share(),
+        }
+    }
+
     /// By how much the stated errors of the three unknowns are too small: for what the windows together leave beyond chance, and for
     /// what they scatter among each other beyond it.
     fn widening(&self, pooled: &Fitted) -> [f64; 3] {
@@ -319,15 +384,11 @@ fn best_scale(
             (!data.is_empty()).then(|| channel.estimate(&data, *begin, Some(begin[BIAS])));
         scaled
     };
-    let good = |s: &Scaled| {
-        let fits = matches!(&s.pooled, Some(Ok(fitted)) if fitted.estimate.fits());
-        fits && s.used().count() as f64 > ENOUGH_USED * windows.len() as f64
-    };
     let mut best = judged_at(first);
     let mut averaged = 2 * first;
-    while !good(&best) && shortest / averaged >= FEWEST_STEPS {
+    while !best.is_good() && shortest / averaged >= FEWEST_STEPS {
         let next = judged_at(averaged);
-        if next.relative_error() < WORTH_IT * best.relative_error() {
+        if next.is_better_than(&best) {
             best = next;
         }
         averaged *= 2;
@@ -419,11 +480,11 @@ fn linearise(window: &mut Window, record: &[NoiseReading], step: f64, prior_q: f
         let residuals = channel.residuals(&data, &theta, &filter);
         let mut tilt = Vector3::zeros();
         let mut bias = Vector3::zeros();
-        for (what, value) in residuals.constants {
+        for (_, what, value) in residuals.constants {
             match what {
                 Constant::Begin(k) => tilt[k] = value,
                 Constant::GyroBias(k) => bias[k] = value,
-                Constant::OtherBias(_) | Constant::Delay => {}
+                Constant::OtherBias(_) | Constant::Delay | Constant::Tone => {}
             }
         }
         // Further than this no linear fit is to be believed at once.
@@ -446,13 +507,57 @@ fn linearise(window: &mut Window, record: &[NoiseReading], step: f64, prior_q: f
     window.start = start;
 }
 
+/// Lines in the spectrum of the tilts' innovations that most windows show, Hz.
+fn lines(windows: &[Window], record: &[NoiseReading], step: f64, start: &[f64; 2]) -> Vec<f64> {
+    let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
+    let averaged = averaging(start, shortest);
+    let [q, r] = *start;
+    let theta = [q * averaged as f64, 1e-9 * q, r / averaged as f64];
+    let channel = Channel::new(averaged as f64 * step, 4, 1);
+    let Ok(filter) = channel.filter(&theta) else {
+        return Vec::new();
+    };
+    let innovations: Vec<Vec<Vec<f64>>> = windows
+        .iter()
+        .filter(|w| w.reason.is_none())
+        .filter_map(|w| {
+            let turned = turned::tilts(&record[w.range.clone()], &w.start);
+            let data = turned::average(&turned, averaged)?;
+            let left = channel.residuals(&data, &theta, &filter).left;
+            let length = left.len() / data.channels.len();
+            Some(left.chunks_exact(length).map(<[f64]>::to_vec).collect())
+        })
+        .collect();
+    let per_radian = 1.0 / (core::f64::consts::TAU * averaged as f64 * step);
+    tones::find(&innovations)
+        .into_iter()
+        .map(|f| f * per_radian)
+        .collect()
+}
+
+/// Angular frequencies per step; what lies beyond half the rate is no line there.
+fn per_sample(tones_hz: &[f64], step: f64) -> Vec<f64> {
+    tones_hz
+        .iter()
+        .map(|f| core::f64::consts::TAU * f * step)
+        .filter(|f| *f < 0.9 * core::f64::consts::PI)
+        .collect()
+}
+
 /// Noise per sample by differences over several spans, of the quieter windows: (q, r).
-fn differences(windows: &[Window], record: &[NoiseReading], step: f64, prior_q: f64) -> [f64; 2] {
+fn differences(
+    windows: &[Window],
+    record: &[NoiseReading],
+    step: f64,
+    prior_q: f64,
+    tones_hz: &[f64],
+) -> [f64; 2] {
     let mut found: Vec<[f64; 2]> = windows
         .iter()
         .filter(|w| w.reason.is_none())
         .filter_map(|w| {
-            let data = turned::tilts(&record[w.range.clone()], &w.start);
+            let mut data = turned::tilts(&record[w.range.clone()], &w.start);
+            tones::add(&mut data, &per_sample(tones_hz, step));
             by_differences(&data, prior_q, step)
         })
         .collect();
@@ -476,9 +581,8 @@ fn by_differences(data: &Turned, prior_q: f64, step: f64) -> Option<[f64; 2]> {
     let mut sum = [0.0; 2];
     for (c, series) in data.channels.iter().enumerate() {
         let mut clean = series.clone();
-        for (what, value) in &residuals.constants {
-            let response = data.responses.iter().find(|r| r.what == *what)?;
-            let column = &response.channels[c];
+        for (index, _, value) in &residuals.constants {
+            let column = &data.responses[*index].channels[c];
             clean
                 .iter_mut()
                 .zip(column)
@@ -624,15 +728,19 @@ fn noises(scaled: &Scaled, what: &str) -> (Known, Known, f64, usize) {
     let told = |by: f64| {
         if by <= 1.0 {
             "fits".to_string()
-        } else if estimate.fits() {
-            format!("fits (errors {by:.1} times those of one noise, which the windows show)")
         } else {
             format!(
-                "every window fits (together χ²/dof {:.0}: not quite white, errors {by:.1} times those of white noise)",
-                estimate.chi2 / estimate.dof as f64
+                "fits (errors {by:.1} times those of one white noise: it changes between windows, or is not quite white)"
             )
         }
     };
+    if !estimate.fits() {
+        let not = Known::not(format!(
+            "the windows do not fit together (χ²/dof {:.1}, at most {LARGEST_CHI2_PER_DOF}): the {what} noise is not white",
+            estimate.chi2 / estimate.dof as f64
+        ));
+        return (not.clone(), not, estimate.chi2, estimate.dof);
+    }
     let q = estimate.theta[ANGLE];
     let q_error = estimate.standard_errors[ANGLE] * widening[ANGLE];
     // The mean over a block: see `turned::average`.

@@ -2,7 +2,7 @@
 //!
 //! The record is cut into windows. In each, the gyros carry the attitude on from a levelled start, and the specific force, turned
 //! into axes that stand still, tells the tilt of that attitude from sample to sample. What is constant and not noise (the start,
-//! biases in body axes, a delay between gyros and accelerometers) is fitted and taken out ([`turned`]); the rest is a random walk of gyro noise
+//! biases in body axes, a delay between gyros and accelerometers, tones) is fitted and taken out ([`turned`]); the rest is a random walk of gyro noise
 //! plus the noise of the accelerometers, whose shares autocovariance least squares tells apart. Motion is no obstacle as long as the
 //! body does not accelerate; where it does, the lag covariances are none of that model and the window is not used.
 
@@ -10,6 +10,7 @@ mod identify;
 mod regress;
 mod rest;
 mod steps;
+mod tones;
 mod turned;
 
 pub use identify::{IdentifyOptions, identify_noise};
@@ -123,6 +124,8 @@ pub struct RecordNoise {
     pub averaged: usize,
     /// Number of lags.
     pub lags: usize,
+    /// Lines in the spectrum of the accelerometers that are taken out of every window, Hz.
+    pub tones_hz: Vec<f64>,
     /// Gyros and accelerometers.
     pub tilt: TiltNoise,
     /// Magnetometer; `None` for a record without.

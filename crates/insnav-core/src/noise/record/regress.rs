@@ -72,7 +72,7 @@ impl Channel {
             .sqrt();
         let mut left = filtered(&window.channels);
         let mut kept: Vec<Kept> = Vec::new();
-        for response in &window.responses {
+        for (index, response) in window.responses.iter().enumerate() {
             let mut column = filtered(&response.channels);
             let before: Vec<f64> = kept
                 .iter()
@@ -91,6 +91,7 @@ impl Channel {
             let share = dot(&column, &left);
             subtract(&mut left, &column, share);
             kept.push(Kept {
+                index,
                 what: response.what,
                 column,
                 before,
@@ -108,7 +109,11 @@ impl Channel {
         }
         Residuals {
             channels: window.channels.len(),
-            constants: kept.iter().map(|k| k.what).zip(constants).collect(),
+            constants: kept
+                .iter()
+                .zip(constants)
+                .map(|(k, value)| (k.index, k.what, value))
+                .collect(),
             fitted: kept.into_iter().map(|k| k.column).collect(),
             left,
         }
@@ -163,6 +168,7 @@ pub(super) struct Fitted {
 }
 
 struct Kept {
+    index: usize,
     what: Constant,
     column: Vec<f64>,
     before: Vec<f64>,
@@ -173,7 +179,8 @@ struct Kept {
 /// Innovations of a window, channels one behind the other.
 pub(super) struct Residuals {
     channels: usize,
-    pub(super) constants: Vec<(Constant, f64)>,
+    /// Index among the responses, what it is, its value.
+    pub(super) constants: Vec<(usize, Constant, f64)>,
     /// Orthonormal directions that are taken out.
     fitted: Vec<Vec<f64>>,
     pub(super) left: Vec<f64>,

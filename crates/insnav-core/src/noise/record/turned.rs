@@ -52,6 +52,8 @@ pub(super) enum Constant {
     OtherBias(usize),
     /// Delay of the gyros against the other sensor.
     Delay,
+    /// Sine or cosine of a line in the spectrum.
+    Tone,
 }
 
 /// Level by the mean force of the first samples.
