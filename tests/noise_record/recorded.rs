@@ -34,6 +34,9 @@ fn adis() -> Option<Vec<NoiseReading>> {
     )
 }
 
+/// The aim is 10 % of Allan's white noise from a tenth of the data. This record misses it: its accelerometers have a tone of 0.57 Hz with
+/// harmonics (taken out) and flicker noise of 0.2 to 0.4 mg, which at the filter's time constant of 0.6 s looks like a random walk of the
+/// angle. Coarse steps are not the reason: of 3.3 mg, less than the noise of a sample, they are white.
 #[test]
 fn a_tenth_of_the_data_tells_the_gyros_white_noise() {
     let Some(readings) = adis() else { return };
@@ -43,6 +46,7 @@ fn a_tenth_of_the_data_tells_the_gyros_white_noise() {
     let allan = (0.5 * (x * x + y * y)).sqrt();
     let per_root_hour = |x: f64| x.to_degrees() * 60.0;
     let options = IdentifyOptions::new(ImuGrade::Consumer.noise());
+    let mut ratios = Vec::new();
     for part in 0..10 {
         let noise = identify_noise(&readings[part * 50_000..][..50_000], &options).expect("good");
         let gyro = &noise.tilt.gyro_white;
@@ -59,5 +63,19 @@ fn a_tenth_of_the_data_tells_the_gyros_white_noise() {
             noise.tilt.chi2 / noise.tilt.dof as f64,
             gyro.reason,
         );
+        assert!(
+            noise.tones_hz.iter().any(|f| (f - 0.565).abs() < 0.015),
+            "{:?}",
+            noise.tones_hz
+        );
+        // What it is, never below: see above for the rest.
+        let ratio = gyro.value / allan;
+        assert!(
+            gyro.accepted && (0.95..1.25).contains(&ratio),
+            "{ratio} {gyro:?}"
+        );
+        ratios.push(ratio);
     }
+    ratios.sort_by(f64::total_cmp);
+    println!("median ratio {:.3}", ratios[ratios.len() / 2]);
 }

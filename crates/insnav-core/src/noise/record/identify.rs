@@ -139,7 +139,16 @@ pub fn identify_noise(
     }
     let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
     let wander = prior.gyro_bias_sigma * (2.0 / prior.gyro_bias_tau).sqrt();
-    let tones_hz = lines(&windows, record, step, &start);
+    let mut tones_hz = Vec::new();
+    // A strong line hides weaker ones: as often as there are new ones.
+    while tones_hz.len() < tones::MOST {
+        let more = lines(&windows, record, step, &start, &tones_hz);
+        if more.is_empty() {
+            break;
+        }
+        tones_hz.extend(more);
+        tones_hz.truncate(tones::MOST);
+    }
     if !tones_hz.is_empty() {
         start = differences(&windows, record, step, prior_q, &tones_hz);
     }
@@ -508,7 +517,13 @@ fn linearise(window: &mut Window, record: &[NoiseReading], step: f64, prior_q: f
 }
 
 /// Lines in the spectrum of the tilts' innovations that most windows show, Hz.
-fn lines(windows: &[Window], record: &[NoiseReading], step: f64, start: &[f64; 2]) -> Vec<f64> {
+fn lines(
+    windows: &[Window],
+    record: &[NoiseReading],
+    step: f64,
+    start: &[f64; 2],
+    known_hz: &[f64],
+) -> Vec<f64> {
     let shortest = windows.iter().map(|w| w.range.len()).min().unwrap_or(0);
     let averaged = averaging(start, shortest);
     let [q, r] = *start;
@@ -522,16 +537,23 @@ fn lines(windows: &[Window], record: &[NoiseReading], step: f64, start: &[f64; 2
         .filter(|w| w.reason.is_none())
         .filter_map(|w| {
             let turned = turned::tilts(&record[w.range.clone()], &w.start);
-            let data = turned::average(&turned, averaged)?;
+            let mut data = turned::average(&turned, averaged)?;
+            tones::add(&mut data, &per_sample(known_hz, averaged as f64 * step));
             let left = channel.residuals(&data, &theta, &filter).left;
             let length = left.len() / data.channels.len();
             Some(left.chunks_exact(length).map(<[f64]>::to_vec).collect())
         })
         .collect();
     let per_radian = 1.0 / (core::f64::consts::TAU * averaged as f64 * step);
+    // What was fitted is not found again beside itself.
+    let apart = |f: &f64| {
+        let resolution = 2.0 / (shortest as f64 * step);
+        known_hz.iter().all(|k| (f - k).abs() > resolution)
+    };
     tones::find(&innovations)
         .into_iter()
         .map(|f| f * per_radian)
+        .filter(apart)
         .collect()
 }
 

@@ -4,9 +4,9 @@ use super::turned::{Constant, Response, Turned};
 use std::vec::Vec;
 
 /// Most lines that are taken out.
-const MOST: usize = 4;
+pub(super) const MOST: usize = 6;
 /// A line stands out of its neighbourhood by this factor, and by so many sigmas of a median over the windows.
-const FACTOR: f64 = 3.0;
+const FACTOR: f64 = 2.0;
 const SIGMAS: f64 = 10.0;
 /// Neighbourhood on either side, in steps of the frequency.
 const NEIGHBOURS: usize = 20;
