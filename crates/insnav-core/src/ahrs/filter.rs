@@ -32,6 +32,8 @@ const UNSEEN_TIME: f64 = 0.3;
 const START_VELOCITY: f64 = 0.3;
 /// Correlation time of a body's velocity at rest (wind, a hand), s.
 const REST_VELOCITY_TAU: f64 = 0.1;
+/// Time over which the carrier's velocity is looked at, s.
+const VELOCITY_MEMORY: f64 = 10.0;
 /// Time over which the residuals of fields are looked at, s.
 const FIELD_MEMORY: f64 = 0.5;
 /// Heading after a gap without a magnetometer: none is known, rad.
@@ -91,6 +93,8 @@ pub struct Ahrs {
     field_ratio: f64,
     field_changed: bool,
     saturated: bool,
+    /// Mean square of the velocity per axis, as estimated, m²/s².
+    velocity_squared: f64,
     pub(super) corrected: Option<Corrected>,
     begins: bool,
 }
@@ -127,6 +131,7 @@ impl Ahrs {
             field_ratio: 0.0,
             field_changed: false,
             saturated: false,
+            velocity_squared: 0.0,
             corrected: None,
             begins: true,
         })
@@ -431,10 +436,14 @@ impl Ahrs {
         let predicted = self.state;
 
         let rests = self.rest.rests(&settings.rest);
+        self.velocity_squared += (self.state.velocity.norm_squared() / 3.0 - self.velocity_squared)
+            * (time / VELOCITY_MEMORY).min(1.0);
         let (sigma, tau) = if rests {
             (settings.rest.velocity_sigma, REST_VELOCITY_TAU)
         } else {
-            (settings.velocity_sigma, settings.velocity_tau)
+            // A vehicle is faster than a hand: what the force adds up to shows it.
+            let seen = self.velocity_squared.sqrt();
+            (settings.velocity_sigma.max(seen), settings.velocity_tau)
         };
         let mut correction = Correction::new(&mut self.covariance);
         // A velocity of this correlation time says as much as white measurements of this variance.

@@ -125,7 +125,7 @@ impl Default for FieldSettings {
             rate_hz: 100.0,
             stamp_sigma: 0.004,
             delay_sigma: 0.01,
-            offset_sigma: 0.02,
+            offset_sigma: 0.015,
             offset_wander: 1e-4,
             disturbance_sigma: 0.02,
             disturbance_tau: 1.0,
