@@ -2,9 +2,27 @@
 
 use super::block::Block;
 use super::settings::FieldSettings;
-use super::state::{ATTITUDE, Covariance, DELAY, DISTURBANCE, Errors, FIELD, OFFSET, SIZE, State};
+use super::state::{
+    ACCEL_BIAS, ATTITUDE, Covariance, DELAY, DISTURBANCE, Errors, FIELD, OFFSET, SIZE, State,
+    VELOCITY,
+};
 use crate::attitude::skew;
 use nalgebra::{Matrix3, SMatrix, Vector3};
+
+/// States that no field corrects: tilt, velocity, accelerometer bias.
+const CONSIDERED: [usize; 8] = [
+    ATTITUDE,
+    ATTITUDE + 1,
+    VELOCITY,
+    VELOCITY + 1,
+    VELOCITY + 2,
+    ACCEL_BIAS,
+    ACCEL_BIAS + 1,
+    ACCEL_BIAS + 2,
+];
+
+/// A tilt known worse than this is lost, rad.
+const TILT_LOST: f64 = 0.12;
 
 /// Errors and covariance while measurements are taken one after the other about the same estimate.
 pub(super) struct Correction<'a> {
@@ -94,7 +112,9 @@ impl<'a> Correction<'a> {
         })
     }
 
-    /// Takes a field that is believed.
+    /// Takes a field that is believed: for the heading and what is magnetic. Tilt, velocity and accelerometer bias are considered, not
+    /// corrected: gravity tells them, and a field that is not the Earth's must never turn them. A tilt that is lost
+    /// (saturated gyros, a start in motion) is helped by any field.
     pub(super) fn take(&mut self, field: &FieldResidual) {
         let Some(root) = field.expected.cholesky() else {
             return;
@@ -107,10 +127,27 @@ impl<'a> Correction<'a> {
         let Some(white) = lower.solve_lower_triangular(&field.residual) else {
             return;
         };
+        let tilt = self.covariance[(ATTITUDE, ATTITUDE)]
+            .max(self.covariance[(ATTITUDE + 1, ATTITUDE + 1)]);
+        let tilt_lost = tilt > TILT_LOST * TILT_LOST;
+        let kept = |p: &Covariance, e: &Errors| {
+            let errors = CONSIDERED.map(|i| e[i]);
+            (CONSIDERED.map(|i| CONSIDERED.map(|j| p[(i, j)])), errors)
+        };
+        let (block, errors) = kept(self.covariance, &self.errors);
         for k in 0..3 {
             let w = w_t.row(k).transpose();
             self.errors.axpy(white[k], &w, 1.0);
             subtract_square(self.covariance, &w);
+        }
+        if tilt_lost {
+            return;
+        }
+        for (a, &i) in CONSIDERED.iter().enumerate() {
+            self.errors[i] = errors[a];
+            for (b, &j) in CONSIDERED.iter().enumerate() {
+                self.covariance[(i, j)] = block[a][b];
+            }
         }
     }
 }

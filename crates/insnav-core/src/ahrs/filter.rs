@@ -436,8 +436,12 @@ impl Ahrs {
         let predicted = self.state;
 
         let rests = self.rest.rests(&settings.rest);
-        self.velocity_squared += (self.state.velocity.norm_squared() / 3.0 - self.velocity_squared)
-            * (time / VELOCITY_MEMORY).min(1.0);
+        // What the filter itself may be off by is no speed of the carrier.
+        let own: f64 = (0..3)
+            .map(|i| self.covariance[(VELOCITY + i, VELOCITY + i)])
+            .sum();
+        let seen = ((self.state.velocity.norm_squared() - own) / 3.0).max(0.0);
+        self.velocity_squared += (seen - self.velocity_squared) * (time / VELOCITY_MEMORY).min(1.0);
         let (sigma, tau) = if rests {
             (settings.rest.velocity_sigma, REST_VELOCITY_TAU)
         } else {

@@ -8,8 +8,12 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 const FEWEST: usize = 2;
 /// A field is waited for this long, s; after that heading begins at zero.
 const PATIENCE: f64 = 1.0;
-/// Tilt that a level of a body at rest may be off by (accelerometer bias), rad.
-const TILT_SIGMA: f64 = 0.035;
+/// Tilt that the level of a body that seems to rest may be off by: a steady push looks like rest, rad.
+const TILT_SIGMA: f64 = 0.1;
+/// A body that moves is levelled over until its tilt is as good as this, rad,
+const TILT_SOUGHT: f64 = 0.15;
+/// or for this long, s.
+const LONGEST: f64 = 2.0;
 /// Heading by a field that is quiet, rad.
 const HEADING_SIGMA: f64 = 0.05;
 
@@ -74,8 +78,13 @@ impl Start {
         let scatter = (self.force_squared / count - mean.norm_squared())
             .max(0.0)
             .sqrt();
-        let off = (scatter + (mean.norm() - settings.gravity).abs()) / settings.gravity;
-        let tilt_sigma = TILT_SIGMA.hypot(off).min(1.0);
+        let off = scatter + (mean.norm() - settings.gravity).abs();
+        // The mean acceleration is what the velocity gained, which is not much after a while.
+        let gained = core::f64::consts::SQRT_2 * settings.velocity_sigma / self.elapsed;
+        let tilt_sigma = TILT_SIGMA.hypot(off.min(gained) / settings.gravity);
+        if tilt_sigma > TILT_SOUGHT && self.elapsed < LONGEST {
+            return None;
+        }
         let field = self.field / self.fields.max(1) as f64;
         let east_of_field = down.cross(&field).try_normalize(1e-3 * field.norm());
         let (north, field_sigma) = match east_of_field {
