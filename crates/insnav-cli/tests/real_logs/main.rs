@@ -4,6 +4,7 @@
 //! receivers and units, each with its reason beside it; everything else is what `run` chooses by itself.
 
 mod noise_adapted;
+mod orientation;
 mod outages;
 mod recording;
 mod robot_heading;
