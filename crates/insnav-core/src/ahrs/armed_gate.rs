@@ -3,6 +3,12 @@
 /// Share of the newest innovation in the running mean that tells a step from scatter: ten samples.
 const NEWEST: f64 = 0.1;
 
+/// Share of `sigmas` that the running mean of a push is beyond after two samples, and that of scatter rarely is.
+const COHERENT: f64 = 0.5;
+/// Refusals by scatter that disarm, and how many of them one that fits takes back. A push has two of them.
+const MOST_SCATTER: f64 = 10.0;
+const TAKEN_BACK: f64 = 0.25;
+
 /// What to do with a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
@@ -23,10 +29,11 @@ pub enum Passage {
 /// from then on, and grows no wiser: its covariance does not know of the error. Here a filter earns its gate: it must have
 /// converged, and everything must have fitted for `settle_s`. It loses the gate again after `patience_s` of refusals, the longest
 /// that a disturbance lasts (a push of 1 m/s² for 3 s ends in 11 km/h), where one that was
-/// accepted takes one refused back. Without the gate nothing is refused; what is off by more than scatter is a step of the
+/// accepted takes one refused back; and after ten of either sign, which are no push but noise that the filter does not know.
+/// Without the gate nothing is refused; what is off by more than scatter is a step of the
 /// attitude, so that a push teaches the biases nothing.
 ///
-/// Time is counted in steps of the measurement: the state is five numbers and a flag.
+/// Time is counted in steps of the measurement: the state is six numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmedGate {
     /// Standard deviations within which an innovation fits.
@@ -39,6 +46,8 @@ pub struct ArmedGate {
     armed: bool,
     fitting_s: f64,
     refused_s: f64,
+    /// Refusals of either sign less acceptances, steps.
+    scattered: f64,
     mean: [f64; 2],
 }
 
@@ -52,6 +61,7 @@ impl ArmedGate {
             armed: false,
             fitting_s: 0.0,
             refused_s: 0.0,
+            scattered: 0.0,
             mean: [0.0; 2],
         }
     }
@@ -83,13 +93,14 @@ impl ArmedGate {
         if normalised.iter().any(|v| !v.is_finite()) {
             return Passage::Leave;
         }
-        let beyond = |pair: [f64; 2]| pair.iter().any(|v| v.abs() > self.sigmas);
-        let fits = !beyond(normalised);
+        let sigmas = self.sigmas;
+        let beyond = |pair: [f64; 2], share: f64| pair.iter().any(|v| v.abs() > share * sigmas);
+        let fits = !beyond(normalised, 1.0);
+        for (mean, newest) in self.mean.iter_mut().zip(normalised) {
+            *mean += NEWEST * (newest - *mean);
+        }
         if !self.armed {
-            for (mean, newest) in self.mean.iter_mut().zip(normalised) {
-                *mean += NEWEST * (newest - *mean);
-            }
-            if beyond(self.mean) {
+            if beyond(self.mean, 1.0) {
                 self.mean = [0.0; 2];
                 self.fitting_s = 0.0;
                 return Passage::DoubtAttitude;
@@ -100,7 +111,16 @@ impl ArmedGate {
         }
         if fits {
             self.refused_s = (self.refused_s - step_s).max(0.0);
+            self.scattered = (self.scattered - TAKEN_BACK).max(0.0);
             return Passage::Use;
+        }
+        if !beyond(self.mean, COHERENT) {
+            self.scattered += 1.0;
+            // The plain gate has no patience to lose.
+            if self.scattered >= MOST_SCATTER && self.patience_s.is_finite() {
+                self.disarm();
+                return Passage::Use;
+            }
         }
         self.refused_s += step_s;
         if self.refused_s < self.patience_s {
@@ -114,6 +134,7 @@ impl ArmedGate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::{Source, Stream};
     use std::vec::Vec;
 
     const STEP: f64 = 0.03125;
@@ -187,6 +208,31 @@ mod tests {
             assert_eq!(gate.judge([8.0 * sign, 0.0], STEP, true), Passage::Use);
         }
         assert!(!gate.is_armed());
+    }
+
+    /// Noise of five times the size, of which two thirds do not fit: nobody accelerates so.
+    #[test]
+    fn disarmed_by_scatter_long_before_a_push_would_be_believed() {
+        let mut source = Source::new(1, Stream::Initial);
+        for _ in 0..100 {
+            let mut gate = ArmedGate::new(3.0, 3.0);
+            judge(&mut gate, 0.0, 3.0);
+            let taken = (1..).find(|_| {
+                let noise = [5.0 * source.normal(), 5.0 * source.normal()];
+                let passage = gate.judge(noise, STEP, true);
+                assert_ne!(passage, Passage::DoubtAll);
+                !gate.is_armed()
+            });
+            // Three seconds.
+            assert!(taken.expect("disarmed") <= 96, "{taken:?}");
+        }
+        // Gaussian noise as believed, one in sixteen thousand beyond, never does.
+        let mut gate = ArmedGate::new(3.0, 3.0);
+        judge(&mut gate, 0.0, 3.0);
+        for _ in 0..100_000 {
+            gate.judge([source.normal(), source.normal()], STEP, true);
+            assert!(gate.is_armed());
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Is the measured magnetic field that of the Earth here?
 
 #[cfg(not(feature = "std"))]
-use nalgebra::{ComplexField, RealField};
+use nalgebra::RealField;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A gate on the length and the dip of the magnetic field, against what they were over the first samples with a tilt that was known.

@@ -52,7 +52,7 @@ impl InvariantNoise {
 /// δb = true − estimate of the gyro's bias, which is subtracted from the rate. The integrals are to third order in ω T, and φ
 /// in them is one: T/τ of a bias' part, below 1e-3. The paper's F has identity at the lower left, a bias driven by attitude;
 /// half of each element of the upper row; and + ω ×, which is no kinematics of either error.
-pub fn transition(
+pub fn error_transition(
     axes: ErrorAxes,
     rate_b: &Vector3<f64>,
     q_nb: &UnitQuaternion<f64>,
@@ -138,7 +138,7 @@ impl InvariantFilter {
     /// Move on by a step of `step_s` at the measured rate (mean of the step, rad/s), with the noise `process` of the state.
     pub fn propagate(&mut self, rate_b: &Vector3<f64>, step_s: f64, process: &Matrix6<f64>) {
         let rate = rate_b - self.gyro_bias_b;
-        let f = transition(self.axes, &rate, &self.q_nb, step_s, self.bias_time_s);
+        let f = error_transition(self.axes, &rate, &self.q_nb, step_s, self.bias_time_s);
         self.q_nb *= exp(&(rate * step_s));
         self.gyro_bias_b *= (-step_s / self.bias_time_s).exp();
         let p = f * self.covariance * f.transpose() + process;
@@ -238,12 +238,12 @@ mod tests {
     /// E2, E3, E4: F is the derivative of what attitude and bias do, in both axes.
     #[test]
     fn transition_is_the_derivative_of_the_kinematics() {
-        let (step, tau, small) = (0.032, 50.0, 1e-5);
-        let decay = (-step / tau as f64).exp();
+        let (step, tau, small) = (0.032, 50.0f64, 1e-5);
+        let decay = (-step / tau).exp();
         for axes in AXES {
             let q = attitude();
             let next = q * exp(&(RATE * step));
-            let f = transition(axes, &RATE, &q, step, tau);
+            let f = error_transition(axes, &RATE, &q, step, tau);
             for i in 0..6 {
                 // Central differences of truth about an estimate whose errors are nought.
                 let moved = |sign: f64| {
@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn lower_left_block_is_zero() {
         for axes in AXES {
-            let f = transition(axes, &RATE, &attitude(), 0.032, 50.0);
+            let f = error_transition(axes, &RATE, &attitude(), 0.032, 50.0);
             assert_eq!(f.fixed_view::<3, 3>(3, 0), Matrix3::zeros());
         }
     }
@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn printed_transition_is_not_the_derivative() {
         let (step, tau) = (0.032, 50.0);
-        let f = transition(ErrorAxes::Body, &RATE, &attitude(), step, tau);
+        let f = error_transition(ErrorAxes::Body, &RATE, &attitude(), step, tau);
         let first_order =
             |s: f64, share: f64| Matrix3::identity() + skew(&RATE) * (s * step * share);
         let block = f.fixed_view::<3, 3>(0, 0).into_owned();
@@ -320,7 +320,7 @@ mod tests {
             let mut x = nalgebra::Vector6::zeros();
             x.fixed_rows_mut::<3>(3).copy_from(&bias);
             for _ in 0..100 {
-                x = transition(axes, &Vector3::zeros(), &truth, 0.01, f64::INFINITY) * x;
+                x = error_transition(axes, &Vector3::zeros(), &truth, 0.01, f64::INFINITY) * x;
             }
             assert!((x.fixed_rows::<3>(0) - expected).norm() < 1e-12, "{axes:?}");
         }

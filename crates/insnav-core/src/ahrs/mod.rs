@@ -28,7 +28,7 @@ pub use armed_gate::{ArmedGate, Passage};
 pub use attitude_monitor::{AttitudeChannelNoise, AttitudeMonitor, AttitudeMonitorSettings};
 pub use field_gate::FieldGate;
 pub use filter::{Ahrs, AhrsEpoch};
-pub use invariant::{ErrorAxes, InvariantFilter, InvariantNoise, transition};
+pub use invariant::{ErrorAxes, InvariantFilter, InvariantNoise, error_transition};
 pub use measured_attitude::{
     AttitudeInnovation, innovation_n, measured_attitude, roll_pitch_heading,
 };

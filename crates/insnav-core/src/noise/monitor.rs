@@ -231,7 +231,9 @@ impl<const J: usize, const B: usize> ChannelMonitor<J, B> {
         }
         let scatter = (2.0 / new.count(0) + 2.0 / old.count(0)).sqrt();
         let ratio = new.covariance(0)[0] / old.covariance(0)[0];
-        !(ratio.ln().abs() <= SAME * scatter)
+        // NaN is another noise.
+        let same = ratio.ln().abs() <= SAME * scatter;
+        !same
     }
 
     /// Add the block, and believe what all of them show.
@@ -369,10 +371,11 @@ mod tests {
                     f * self.truth + Vector2::new(w * TRUE.process.sqrt(), b * BIAS_NOISE.sqrt());
                 let y = self.truth.x + v * scale * TRUE.measured.sqrt() + offset(k);
                 let mut innovations = [0.0; 3];
-                for i in 0..3 {
-                    self.states[i] = f * self.states[i];
-                    innovations[i] = y - self.states[i].x;
-                    self.states[i] += self.gains[i] * innovations[i];
+                let states = self.states.iter_mut().zip(&self.gains);
+                for (nu, (state, gain)) in innovations.iter_mut().zip(states) {
+                    *state = f * *state;
+                    *nu = y - state.x;
+                    *state += gain * *nu;
                 }
                 self.monitor.push(&innovations);
             }

@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::noise::{ForgettingProcessNoise, MohamedSchwarz};
 use crate::sim::{AttitudeRecord, AttitudeSample};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+use std::boxed::Box;
 
 /// Samples before anything adapts: until then the gyros' biases are not known, 20 s.
 pub(super) const SETTLE: u32 = 625;
@@ -34,13 +35,13 @@ enum Method {
     Fixed,
     /// Noise as it is; with the covariance of heading and tilt about north, rad², of an accelerometer at rest.
     Known(AttitudeChannelNoise, f64),
-    Recursion(ForgettingProcessNoise<6>),
+    Recursion(Box<ForgettingProcessNoise<6>>),
     /// Of Q from innovations, of R from residuals.
     Window {
-        innovations: Option<MohamedSchwarz<3, WINDOW>>,
-        residuals: Option<MohamedSchwarz<3, WINDOW>>,
+        innovations: Option<Box<MohamedSchwarz<3, WINDOW>>>,
+        residuals: Option<Box<MohamedSchwarz<3, WINDOW>>>,
     },
-    Blocks(Blocks),
+    Blocks(Box<Blocks>),
     Monitor(Box<AttitudeMonitor<LAGS>>),
 }
 
@@ -63,7 +64,7 @@ impl Adaptation {
                 block: BLOCK,
             })
         };
-        let window = || Some(MohamedSchwarz::new());
+        let window = || Some(Box::new(MohamedSchwarz::new()));
         let (noise, method) = match variant {
             Raw | Datasheet | DatasheetGated | DatasheetPlainGate | QX100 => (noise, Method::Fixed),
             Oracle => (truth, Method::Known(record.truth, 0.0)),
@@ -117,10 +118,10 @@ impl Adaptation {
                     measured: truth.measured,
                 };
                 let recursion = ForgettingProcessNoise::new(noise.process);
-                (noise, Method::Recursion(recursion))
+                (noise, Method::Recursion(Box::new(recursion)))
             }
-            AlsM40AsPrinted => (noise, Method::Blocks(Blocks::as_printed(record))),
-            AlsM40Nnls => (noise, Method::Blocks(Blocks::nonnegative(record))),
+            AlsM40AsPrinted => (noise, Method::Blocks(Box::new(Blocks::as_printed(record)))),
+            AlsM40Nnls => (noise, Method::Blocks(Box::new(Blocks::nonnegative(record)))),
             AlsLong => (noise, Method::Monitor(Box::new(monitor().trusting()))),
             AlsMonitor | AlsMonitorQX100 => (noise, Method::Monitor(Box::new(monitor()))),
         };
@@ -202,8 +203,8 @@ impl Adaptation {
                 if let Some((channels, bias)) = blocks.push(filter, &(nu * 2.0)) {
                     self.channels = channels;
                     self.noise = of_channels(&channels, 0.0);
-                    for i in 0..3 {
-                        self.noise.process[(i + 3, i + 3)] = bias[i];
+                    for (i, bias) in bias.into_iter().enumerate() {
+                        self.noise.process[(i + 3, i + 3)] = bias;
                     }
                 }
             }
