@@ -37,6 +37,8 @@ const GRAVITY_OFF: f64 = 0.1;
 /// Innovations with more excess kurtosis than this, plus so many of its standard errors, come in bursts.
 const MOST_KURTOSIS: f64 = 1.0;
 const KURTOSIS_SIGMAS: f64 = 4.0;
+/// Share of windows with unmodelled acceleration that fits by chance.
+const BY_CHANCE: f64 = 0.05;
 /// A window shows more gyro noise than the quietest ones by more than this many sigmas: motion.
 const CONSISTENT: f64 = 3.0;
 /// The first stretch of a window that is linearised, s; then twice as much each time.
@@ -141,7 +143,7 @@ pub fn identify_noise(
     let wander = prior.gyro_bias_sigma * (2.0 / prior.gyro_bias_tau).sqrt();
     let mut tones_hz = Vec::new();
     // A strong line hides weaker ones: as often as there are new ones.
-    while tones_hz.len() < tones::MOST {
+    while 2 * level > windows.len() && tones_hz.len() < tones::MOST {
         let more = lines(&windows, record, step, &start, &tones_hz);
         if more.is_empty() {
             break;
@@ -381,6 +383,7 @@ fn best_scale(
         }
         let mut reasons: Vec<Option<String>> = windows.iter().map(|w| w.reason.clone()).collect();
         keep_the_quietest(&windows, &mut reasons);
+        leave_chance_out(&mut reasons);
         let mut scaled = Scaled {
             scale,
             windows,
@@ -649,6 +652,17 @@ fn judge(window: &mut Window, channel: &Channel, begin: [f64; 3]) {
     }
 }
 
+/// Of windows that accelerate one in twenty may fit all the same: as few as that are none.
+fn leave_chance_out(reasons: &mut [Option<String>]) {
+    let expected = BY_CHANCE * reasons.len() as f64;
+    let used = reasons.iter().filter(|r| r.is_none()).count() as f64;
+    if used <= expected + 2.0 * expected.sqrt() {
+        for reason in reasons.iter_mut().filter(|r| r.is_none()) {
+            *reason = Some("fits, but so few windows do that it may be by chance".to_string());
+        }
+    }
+}
+
 /// Leave out what shows more gyro noise than the quietest windows: slow acceleration, or errors of the gyros' scale, that pass for it.
 fn keep_the_quietest(windows: &[Window], reasons: &mut [Option<String>]) {
     let q = |f: &Fitted| (f.estimate.theta[ANGLE], f.estimate.standard_errors[ANGLE]);
@@ -693,7 +707,7 @@ fn why_none(reasons: &[Option<String>]) -> String {
         .max_by_key(|c| c.len())
         .map_or("", |c| c[0]);
     format!(
-        "none of {} windows can be used (mostly: {commonest}): let the unit rest, or turn it slowly by hand, for a minute",
+        "none of {} windows can be used (mostly: {commonest}): let the unit rest, or turn it slowly by hand, for a minute, or look at such a part of the record alone",
         reasons.len()
     )
 }

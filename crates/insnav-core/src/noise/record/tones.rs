@@ -12,6 +12,8 @@ const SIGMAS: f64 = 10.0;
 const NEIGHBOURS: usize = 20;
 /// Steps of the frequency to a period over the window.
 const FINENESS: f64 = 2.0;
+/// A line has so many periods in a window.
+const LEAST_PERIODS: f64 = 8.0;
 /// Windows that are looked at.
 const MOST_WINDOWS: usize = 40;
 
@@ -42,7 +44,8 @@ pub(super) fn find(windows: &[Vec<Vec<f64>>]) -> Vec<f64> {
         let spectrum: Vec<f64> = (0..bins)
             .map(|k| power(channel, (k as f64 + 1.0) * step))
             .collect();
-        for k in 1..bins - 1 {
+        // What takes longer is motion.
+        for k in (FINENESS * LEAST_PERIODS) as usize..bins - 1 {
             let around = k.saturating_sub(NEIGHBOURS)..(k + NEIGHBOURS + 1).min(bins);
             let ratio = spectrum[k] / median(&mut spectrum[around].to_vec());
             let peak = spectrum[k] >= spectrum[k - 1] && spectrum[k] > spectrum[k + 1];
