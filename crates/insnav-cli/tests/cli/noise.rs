@@ -105,7 +105,9 @@ fn the_noise_of_a_simulated_unit_is_told_with_its_errors() {
         .and_then(|v| v.parse().ok())
         .unwrap();
     assert!((value / 0.15 - 1.0).abs() < 0.1, "{value}");
-    assert_eq!(number(&run.json()["gyro_arw_deg_per_sqrt_hour"]), value);
+    // By way of radians and back.
+    let used = number(&run.json()["gyro_arw_deg_per_sqrt_hour"]);
+    assert!((used / value - 1.0).abs() < 1e-12, "{used} {value}");
 
     // The same for people, and the block is in it.
     let text = insnav(["noise", &log]);
