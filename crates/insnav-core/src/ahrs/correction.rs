@@ -7,6 +7,8 @@ use super::state::{
     VELOCITY,
 };
 use crate::attitude::skew;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// States that no field corrects: tilt, velocity, accelerometer bias.

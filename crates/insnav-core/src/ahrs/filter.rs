@@ -15,6 +15,8 @@ use crate::error::{Error, Result};
 use crate::sample::{ImuSample, MagneticField};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
+#[cfg(not(feature = "std"))]
+use nalgebra::RealField;
 use nalgebra::ComplexField;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 

@@ -2,6 +2,8 @@
 
 use super::settings::AhrsSettings;
 use crate::attitude::exp;
+#[cfg(not(feature = "std"))]
+use nalgebra::ComplexField;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Fewest inertial samples.
