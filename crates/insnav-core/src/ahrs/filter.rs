@@ -14,10 +14,10 @@ use crate::attitude::{Euler, exp};
 use crate::error::{Error, Result};
 use crate::sample::{ImuSample, MagneticField};
 use crate::time::Time;
+use nalgebra::ComplexField;
 #[cfg(not(feature = "std"))]
 #[cfg(not(feature = "std"))]
 use nalgebra::RealField;
-use nalgebra::ComplexField;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 /// A longer time without samples is not bridged: levelling begins anew, biases and calibration stay, s.
