@@ -560,7 +560,7 @@ fn als(found: &RecordNoise) -> Als {
     let error = |known: &Known, scale: f64| {
         known
             .accepted
-            .then(|| 2.0 * known.value * known.standard_error * scale)
+            .then_some(2.0 * known.value * known.standard_error * scale)
     };
     let finite = |x: f64| x.is_finite().then_some(x);
     let reason = if tilt.gyro_white.accepted {

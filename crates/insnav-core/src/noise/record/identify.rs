@@ -465,7 +465,8 @@ fn measured_noise(series: &[Vec<f64>]) -> f64 {
 fn linearise(window: &mut Window, record: &[NoiseReading], step: f64, prior_q: f64) {
     let readings = &record[window.range.clone()];
     let mut start = turned::level(readings);
-    if !((start.gravity / STANDARD_GRAVITY - 1.0).abs() <= GRAVITY_OFF) {
+    let off = (start.gravity / STANDARD_GRAVITY - 1.0).abs();
+    if off > GRAVITY_OFF || off.is_nan() {
         window.reason = Some(format!(
             "the mean specific force is {:.2} m/s², not gravity",
             start.gravity
@@ -513,7 +514,7 @@ fn linearise(window: &mut Window, record: &[NoiseReading], step: f64, prior_q: f
             }
         }
     }
-    if !(last < SETTLED) {
+    if last >= SETTLED || last.is_nan() {
         window.reason = Some("the attitude that the gyros carry does not stay level: acceleration, or a gyro that saturates".to_string());
     }
     window.start = start;

@@ -84,7 +84,8 @@ impl Channel {
                 .collect();
             let length = dot(&column, &column).sqrt();
             // Even a likely constant would not show by one sigma.
-            if !(length * response.size > sigma) {
+            let shows = length * response.size;
+            if shows <= sigma || shows.is_nan() {
                 continue;
             }
             column.iter_mut().for_each(|v| *v /= length);

@@ -35,7 +35,7 @@ pub(super) fn steps(record: &[NoiseReading]) -> Result<Steps, Refusal> {
         .collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let step_s = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN);
-    if !(step_s > 0.0) {
+    if step_s <= 0.0 || step_s.is_nan() {
         return Err(Refusal::Setting {
             what: "usual step between samples, s",
             value: step_s,

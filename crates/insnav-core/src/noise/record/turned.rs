@@ -110,7 +110,7 @@ pub(super) fn tilts(readings: &[NoiseReading], start: &Start) -> Turned {
 pub(super) fn headings(readings: &[NoiseReading], start: &Start) -> Option<Turned> {
     let field = start.field?;
     let h = field.x;
-    if !(h > 0.0) {
+    if h <= 0.0 || h.is_nan() {
         return None;
     }
     let all = attitudes(readings, start);
