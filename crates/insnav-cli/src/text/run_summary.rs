@@ -22,8 +22,8 @@ pub(crate) fn run_summary(outcome: &Outcome) -> String {
     let mut add = |label, line: String| text.push_str(&entry(label, &line));
     add("drive", drive(r));
     add("imu", imu(r));
-    for (i, number) in r.noise_adaptation.iter().enumerate() {
-        add(if i == 0 { "adapted" } else { "" }, adapted(number));
+    if !r.noise_adaptation.is_empty() {
+        add("adapted", adapted(&r.noise_adaptation));
     }
     if let Some(only) = &r.imu_only {
         add("no gnss", imu_only(only));
@@ -270,26 +270,29 @@ fn imu(r: &RunReport) -> String {
     )
 }
 
-/// One noise that was to be adapted.
-fn adapted(n: &AdaptedReport) -> String {
-    let estimate = match (n.estimate, n.standard_error) {
-        (Some(x), Some(sigma)) => format!("{} ± {}", short(x), short(sigma)),
-        _ => "no estimate".into(),
+/// Noises that were to be adapted, and the test of fit that is common to all.
+fn adapted(numbers: &[AdaptedReport]) -> String {
+    let same = |n: &AdaptedReport| n.reason.is_some() && n.reason == numbers[0].reason;
+    let common = numbers.len() > 1 && numbers.iter().all(same);
+    let line = |n: &AdaptedReport| {
+        let estimate = match (n.estimate, n.standard_error) {
+            (Some(x), Some(sigma)) => format!("{} ± {}", short(x), short(sigma)),
+            _ => "no estimate".into(),
+        };
+        let why = match &n.reason {
+            Some(reason) if !common => format!(": {reason}"),
+            _ => String::new(),
+        };
+        let (name, prior, verdict) = (n.name, short(n.prior), n.verdict);
+        format!("{name} {prior} → {estimate}, {verdict}{why}\n")
     };
-    let fit = match n.dof {
-        0 => String::new(),
-        dof => format!(", chi2/dof {:.1}", n.chi2 / dof as f64),
+    let mut text: String = numbers.iter().map(line).collect();
+    let first = &numbers[0];
+    text += &match &first.reason {
+        Some(reason) if common => reason.clone(),
+        _ => format!("chi2/dof {:.1}", first.chi2 / first.dof.max(1) as f64),
     };
-    let why = n
-        .reason
-        .as_ref()
-        .map_or(String::new(), |r| format!(": {r}"));
-    format!(
-        "{} {} → {estimate}{fit}, {}{why}",
-        n.name,
-        short(n.prior),
-        n.verdict
-    )
+    text
 }
 
 fn clocks(r: &RunReport) -> String {

@@ -187,7 +187,7 @@ impl NoiseAdaptation {
                 .map(|unknown| unknown as usize)
                 .filter(|i| given[*i].is_none() && sums.shows(NoiseUnknown::ALL[*i]))
                 .max_by(|a, b| relative(*a).total_cmp(&relative(*b)))
-                .filter(|i| !(relative(*i) <= 1.0));
+                .filter(|i| relative(*i) > 1.0 || relative(*i).is_nan());
             let Some(i) = worst else { break };
             reasons[i] = Some(if solution.theta[i] <= 0.0 {
                 (
