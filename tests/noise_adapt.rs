@@ -345,6 +345,27 @@ fn coloured_gnss_is_held() {
     }
 }
 
+/// An error that stays for a quarter of an hour is followed, and its share in what the receiver states is not taken away.
+#[test]
+fn errors_that_stay_are_not_told_away() {
+    let mut scenario = scenario();
+    scenario.gnss.position_sigma_m = [0.3; 3];
+    scenario.gnss.position_colour_sigma_m = [1.0; 3];
+    scenario.gnss.position_colour_tau_s = 1000.0;
+    let config = settings();
+    let shown = over_seeds(seeds() / 2, |seed| {
+        let simulation = scenario.simulate(seed).expect("a ready scenario");
+        adapt(&simulation, seed, &config, truth())
+    });
+    for (seed, outcome) in shown.iter().enumerate() {
+        println!("  {seed}: {}", told(outcome));
+        assert!(
+            !outcome.is_accepted(NoiseUnknown::Position),
+            "{seed}: {outcome:?}"
+        );
+    }
+}
+
 /// Fixes that are weighed down as if they were not independent, which is a gain that is not optimal: what the noise is follows from
 /// the innovations all the same.
 #[test]

@@ -18,6 +18,10 @@ const LARGEST_RELATIVE_ERROR: f64 = 0.2;
 /// Twice as much is accepted where the prior is further away than so many standard errors: it is then known to be worse.
 const EXCLUDED: f64 = 4.0;
 
+/// Sigmas of a receiver are not made smaller than what it states, or what was set if that is less, by more than this factor: a
+/// filter follows errors that stay, so that innovations do not show them. As for sigmas that are learnt on the way.
+const TOLERATED: f64 = 1.5;
+
 /// The noise of a run: sigmas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseValues {
@@ -227,6 +231,10 @@ impl NoiseAdaptation {
                 let (verdict, reason) = if fits {
                     match reasons[i].take() {
                         Some((verdict, reason)) => (verdict, Some(reason)),
+                        None if is_less_than_stated(unknown, sigma, prior[i]) => {
+                            let reason = "less than the receiver states: innovations do not show errors that stay";
+                            (Verdict::Held, Some(reason.into()))
+                        }
                         None => (Verdict::Estimated, None),
                     }
                 } else {
@@ -284,6 +292,13 @@ impl NoiseAdaptation {
             dof: 0,
             rounds: self.round,
         }
+    }
+}
+
+fn is_less_than_stated(unknown: NoiseUnknown, scale: f64, prior: f64) -> bool {
+    match unknown {
+        NoiseUnknown::Gyro | NoiseUnknown::Accel => false,
+        NoiseUnknown::Position | NoiseUnknown::Velocity => scale * TOLERATED < prior.min(1.0),
     }
 }
 
@@ -388,6 +403,33 @@ mod tests {
         };
         assert!((next.position_scale - 10.0).abs() < 1e-12);
         assert!(next.gyro_white > 0.0 && next.gyro_white < 0.25 * PRIOR.gyro_white);
+    }
+
+    /// What is left of a receiver's error when its filter has followed the rest.
+    #[test]
+    fn sigmas_are_not_made_smaller_than_stated() {
+        let scale_of = |prior: f64| {
+            let prior = NoiseValues {
+                position_scale: prior,
+                ..PRIOR
+            };
+            let mut adaptation = NoiseAdaptation::new(prior);
+            loop {
+                let mut sums = InnovationSums::default();
+                let used = adaptation.values().position_scale;
+                squares(&mut sums, 2, 1.0, (0.3 / used).powi(2), 1000);
+                if let Step::Done(outcome) = adaptation.take(&sums) {
+                    let found = outcome.numbers[0].estimate.expect("seen");
+                    assert!((found - 0.3).abs() < 1e-12, "{found}");
+                    return outcome.accepted(&prior).position_scale;
+                }
+            }
+        };
+        assert_eq!(scale_of(1.0), 1.0);
+        assert_eq!(scale_of(3.0), 3.0);
+        // Who has said that it is less is believed, in either direction.
+        assert!((scale_of(0.1) - 0.3).abs() < 1e-12);
+        assert!((scale_of(0.4) - 0.3).abs() < 1e-12);
     }
 
     #[test]
