@@ -19,7 +19,7 @@ counts=(
     "als_channel 3 3155"
     "als_stream 13 126"
     "als_batch 3 19083504"
-    "ahrs_record 21 2642"
+    "ahrs_record 21 2653"
 )
 
 if ! command -v valgrind >/dev/null; then
