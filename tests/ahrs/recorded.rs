@@ -1,8 +1,10 @@
-//! Recordings with optical truth (BROAD \[Laidig21\], RepoIMU): one set of settings for all of them.
+//! Recordings with optical truth (BROAD \[Laidig21\], RepoIMU): one set of settings for all of them, noise as each shows it.
 
 use insnav::ahrs::{AhrsEpoch, AhrsSettings, Smoother, gyro_range};
+use insnav::imu::ImuNoise;
 use insnav::log::csv::{read_imu, read_truth_quat};
 use insnav::metrics::{OrientationErrors, OrientationPair, orientation_errors, to_enu_flu};
+use insnav::noise::{IdentifyOptions, NoiseReading, identify_noise};
 use insnav::sample::{ImuSample, MagneticField};
 use insnav::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -38,8 +40,28 @@ struct Scores {
     saturates: bool,
 }
 
+/// White noise as the recording itself shows it; of the class where it does not.
+fn own_noise(samples: &[ImuSample]) -> ImuNoise {
+    let class = AhrsSettings::default().noise;
+    let readings: Vec<NoiseReading> = samples
+        .iter()
+        .map(|s| NoiseReading {
+            time: s.time,
+            angular_rate_b: s.angular_rate_b,
+            specific_force_b: s.specific_force_b,
+            magnetic_field_b: None,
+        })
+        .collect();
+    let options = IdentifyOptions::new(class);
+    identify_noise(&readings, &options).map_or(class, |found| ImuNoise {
+        gyro_white: found.tilt.gyro_white.value,
+        accel_white: found.tilt.accel_white.value,
+        ..class
+    })
+}
+
 /// The filter and the smoother on one recording; sensor axes are forward-left-up.
-fn scores(folder: &Path, know_range: bool) -> Scores {
+fn scores(folder: &Path, change: impl Fn(&mut AhrsSettings)) -> Scores {
     let imu = read_imu(&folder.join("imu.csv.gz")).expect("a table");
     let truth = read_truth_quat(&folder.join("truth_quat.csv.gz")).expect("a table");
     assert_eq!(imu.t_s, truth.t_s);
@@ -53,10 +75,12 @@ fn scores(folder: &Path, know_range: bool) -> Scores {
         })
         .collect();
     let range = gyro_range(&samples);
-    let settings = AhrsSettings {
-        gyro_range: range.filter(|_| know_range),
+    let mut settings = AhrsSettings {
+        gyro_range: range,
+        noise: own_noise(&samples),
         ..AhrsSettings::default()
     };
+    change(&mut settings);
     let mut smoother = Smoother::new(settings).expect("settings");
     let mut causal: Vec<(usize, AhrsEpoch)> = Vec::new();
     for (i, sample) in samples.iter().enumerate() {
@@ -109,7 +133,7 @@ fn broad() {
         "trial"
     );
     for folder in &folders {
-        let s = scores(folder, true);
+        let s = scores(folder, |_| ());
         assert!(!s.saturates, "{}", folder.display());
         let row = [s.causal, s.smoothed].map(|e| {
             [
@@ -143,7 +167,7 @@ fn broad() {
 #[test]
 fn repoimu() {
     for folder in folders("repoimu_") {
-        let s = scores(&folder, true);
+        let s = scores(&folder, |_| ());
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
         let (Some(causal), Some(smoothed)) = (
             s.causal.inclination_rmse_deg,
@@ -160,9 +184,63 @@ fn repoimu() {
         // Truth is levelled to 1.3° only: the mean force in its axes leans by that much.
         assert!(smoothed < 3.0 && causal < 5.0);
         if s.saturates {
-            let blind = scores(&folder, false).causal.inclination_rmse_deg.unwrap();
+            let blind = scores(&folder, |s| s.gyro_range = None)
+                .causal
+                .inclination_rmse_deg
+                .unwrap();
             println!("{name}: {blind:.1}° if nobody knew that they saturate");
             assert!(blind > 5.0 * causal);
         }
+    }
+}
+
+/// What each part of the model is worth: mean total RMSE of the seven trials without it.
+#[test]
+fn broad_without_each_part() {
+    let folders = folders("broad_");
+    if folders.is_empty() {
+        return;
+    }
+    if std::env::var("INSNAV_LONG").is_err() {
+        println!("SKIPPED: ablation on the BROAD trials: set INSNAV_LONG=1");
+        return;
+    }
+    type Change = fn(&mut AhrsSettings);
+    let parts: [(&str, Change); 7] = [
+        ("all", |_| ()),
+        ("delay of the magnetometer", |s| s.field.delay_sigma = 0.0),
+        ("field of the body", |s| {
+            s.field.offset_sigma = 0.0;
+            s.field.offset_wander = 0.0;
+            s.field.change_offset_sigma = 0.0;
+        }),
+        ("field of the surroundings", |s| {
+            s.field.disturbance_sigma = 0.0;
+            s.field.change_disturbance_sigma = 0.0;
+        }),
+        ("changes of the field", |s| s.field.change_ratio = 1e12),
+        ("noise by turning", |s| s.rate_noise = 0.0),
+        ("velocity about its mean", |s| s.velocity_sigma = 30.0),
+    ];
+    let mut all = None;
+    for (name, change) in parts {
+        let scores: Vec<Scores> = folders.iter().map(|f| scores(f, change)).collect();
+        let mean = |of: &dyn Fn(&Scores) -> Option<f64>| {
+            scores.iter().map(|s| of(s).expect("scored")).sum::<f64>() / scores.len() as f64
+        };
+        let total = [
+            mean(&|s| s.causal.total_rmse_deg),
+            mean(&|s| s.smoothed.total_rmse_deg),
+        ];
+        let inside = [
+            mean(&|s| s.causal.coverage_95),
+            mean(&|s| s.smoothed.coverage_95),
+        ];
+        println!("without {name:<28} total {total:.2?}°, inside {inside:.2?}");
+        let [causal, smoothed] = *all.get_or_insert(total);
+        assert!(
+            total[0] > 0.95 * causal && total[1] > 0.95 * smoothed,
+            "{name} does harm"
+        );
     }
 }
