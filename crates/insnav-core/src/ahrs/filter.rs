@@ -61,6 +61,7 @@ pub struct AhrsEpoch {
 }
 
 /// What a correction did, for the smoother.
+#[cfg(feature = "std")]
 #[derive(Clone, Debug)]
 pub(super) struct Corrected {
     /// Dynamics from the correction before; `None` where a start lies between.
@@ -97,7 +98,10 @@ pub struct Ahrs {
     saturated: bool,
     /// Mean square of the velocity per axis, as estimated, m²/s².
     velocity_squared: f64,
+    #[cfg(feature = "std")]
     pub(super) corrected: Option<Corrected>,
+    /// Whether a start lies before the next correction.
+    #[cfg(feature = "std")]
     begins: bool,
 }
 
@@ -134,7 +138,9 @@ impl Ahrs {
             field_changed: false,
             saturated: false,
             velocity_squared: 0.0,
+            #[cfg(feature = "std")]
             corrected: None,
+            #[cfg(feature = "std")]
             begins: true,
         })
     }
@@ -219,7 +225,10 @@ impl Ahrs {
                 time: sample.time,
             });
         }
-        self.corrected = None;
+        #[cfg(feature = "std")]
+        {
+            self.corrected = None;
+        }
         if interval > LONGEST_GAP {
             self.begin_anew();
             return Ok(None);
@@ -258,7 +267,10 @@ impl Ahrs {
         self.history = History::new();
         self.rest = Rest::default();
         self.waiting = 0;
-        self.begins = true;
+        #[cfg(feature = "std")]
+        {
+            self.begins = true;
+        }
         self.saturated = false;
     }
 
@@ -435,6 +447,7 @@ impl Ahrs {
         self.state.velocity += block.pushed + Vector3::new(0.0, 0.0, settings.gravity * time);
         self.state.disturbance *= propagation.disturbance_left;
         propagation.apply(&mut self.covariance);
+        #[cfg(feature = "std")]
         let predicted = self.state;
 
         let rests = self.rest.rests(&settings.rest);
@@ -481,12 +494,16 @@ impl Ahrs {
         }
         let errors: Errors = correction.errors;
         self.state = self.state.corrected(&errors);
-        self.corrected = Some(Corrected {
-            propagation: (!core::mem::take(&mut self.begins)).then_some(propagation),
-            predicted,
-            corrected: self.state,
-            covariance: self.covariance,
-        });
+        #[cfg(feature = "std")]
+        {
+            let begins = core::mem::take(&mut self.begins);
+            self.corrected = Some(Corrected {
+                propagation: (!begins).then_some(propagation),
+                predicted,
+                corrected: self.state,
+                covariance: self.covariance,
+            });
+        }
     }
 
     fn propagation(&mut self, block: &Block) -> Propagation {

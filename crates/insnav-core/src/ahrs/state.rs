@@ -1,6 +1,8 @@
 //! What the orientation filter estimates, and where each error stands in its vector.
 
-use crate::attitude::{exp, log};
+use crate::attitude::exp;
+#[cfg(feature = "std")]
+use crate::attitude::log;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 /// Number of states.
@@ -79,6 +81,7 @@ impl State {
     }
 
     /// Errors of `other` if this is true: this ⊟ other.
+    #[cfg(feature = "std")]
     pub(super) fn less(&self, other: &State) -> Errors {
         let mut errors = Errors::zeros();
         let mut put = |at: usize, part: Vector3<f64>| {
