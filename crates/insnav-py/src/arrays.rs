@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use insnav_core::time::Time;
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
 use numpy::{
     PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
     PyUntypedArrayMethods,
@@ -18,6 +18,13 @@ pub(crate) struct Argument<'py> {
 }
 
 impl<'py> Argument<'py> {
+    pub(crate) fn new(name: &str, object: &Bound<'py, PyAny>) -> Self {
+        Argument {
+            name: name.to_owned(),
+            object: object.clone(),
+        }
+    }
+
     /// `numpy.asarray(object, dtype, order="C")`.
     fn asarray(&self, dtype: Option<&str>) -> Result<Bound<'py, PyAny>, Failure> {
         let convert = || {
@@ -38,6 +45,10 @@ impl<'py> Argument<'py> {
     }
 
     fn wrong(&self, received: &[usize], expected: &str) -> Failure {
+        self.wrong_shape(received, expected, "one row per stamp")
+    }
+
+    fn wrong_shape(&self, received: &[usize], expected: &str, remedy: &str) -> Failure {
         Failure::new(
             "wrong_shape",
             format!(
@@ -45,7 +56,7 @@ impl<'py> Argument<'py> {
                 self.name,
                 shape_text(received)
             ),
-            "one row per stamp",
+            remedy,
         )
     }
 
@@ -153,6 +164,143 @@ impl<'py> Argument<'py> {
             other => Err(self.wrong(other, &format!("({rows}, 3) or (3,)"))),
         }
     }
+
+    /// Shape (n, m): a matrix. `None`: any size but zero.
+    pub(crate) fn matrix(
+        &self,
+        rows: Option<usize>,
+        columns: Option<usize>,
+    ) -> Result<DMatrix<f64>, Failure> {
+        let mut stack = self.matrices(None, rows, columns, false)?;
+        Ok(stack.remove(0))
+    }
+
+    /// Shape (k, n, m): as many matrices, or shape (n, m): the same one as often. `None`: any size but zero.
+    pub(crate) fn matrix_or_stack(
+        &self,
+        count: usize,
+        rows: Option<usize>,
+        columns: Option<usize>,
+    ) -> Result<Vec<DMatrix<f64>>, Failure> {
+        let mut stack = self.matrices(Some(count), rows, columns, true)?;
+        if stack.len() == 1 && count != 1 {
+            let one = stack.remove(0);
+            return Ok(vec![one; count]);
+        }
+        Ok(stack)
+    }
+
+    /// Shape (k, n, m), any k but zero.
+    pub(crate) fn stack(&self, rows: usize, columns: usize) -> Result<Vec<DMatrix<f64>>, Failure> {
+        self.matrices(Some(0), Some(rows), Some(columns), false)
+    }
+
+    /// `count`: `None` for a matrix alone, 0 for any number of them; `alone`: or one for all.
+    fn matrices(
+        &self,
+        count: Option<usize>,
+        rows: Option<usize>,
+        columns: Option<usize>,
+        alone: bool,
+    ) -> Result<Vec<DMatrix<f64>>, Failure> {
+        let array = self.floats()?;
+        let fits = |have: usize, want: Option<usize>| have > 0 && want.is_none_or(|w| w == have);
+        let values = elements(&array);
+        let (n, m) = match (array.shape(), count) {
+            (&[n, m], None) if fits(n, rows) && fits(m, columns) => (n, m),
+            (&[n, m], Some(_)) if alone && fits(n, rows) && fits(m, columns) => (n, m),
+            (&[k, n, m], Some(count))
+                if k > 0 && (count == 0 || k == count) && fits(n, rows) && fits(m, columns) =>
+            {
+                (n, m)
+            }
+            (other, _) => {
+                let size = |letter: &str, want: Option<usize>| {
+                    want.map_or(letter.to_owned(), |w| w.to_string())
+                };
+                let one = format!("{}, {}", size("n", rows), size("m", columns));
+                let expected = match count {
+                    None => format!("({one})"),
+                    Some(0) => format!("(k, {one})"),
+                    Some(count) if alone => format!("({one}) or ({count}, {one})"),
+                    Some(count) => format!("({count}, {one})"),
+                };
+                return Err(self.wrong_shape(other, &expected, "sizes follow from F, G and H"));
+            }
+        };
+        if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+            return Err(Failure::new(
+                "not_finite",
+                format!("{}: element {at} is {}", self.name, values[at]),
+                "give finite numbers",
+            ));
+        }
+        Ok(values
+            .chunks_exact(n * m)
+            .map(|one| DMatrix::from_row_slice(n, m, one))
+            .collect())
+    }
+
+    /// Shape (n, p), or (n,) where p is 1: samples of p channels side by side, and p.
+    pub(crate) fn channels(&self, channels: Option<usize>) -> Result<(Vec<f64>, usize), Failure> {
+        let array = self.floats()?;
+        let fits = |p: usize| p > 0 && channels.is_none_or(|want| want == p);
+        match *array.shape() {
+            [_] if fits(1) => Ok((elements(&array), 1)),
+            [_, p] if fits(p) => Ok((elements(&array), p)),
+            ref other => {
+                let expected = match channels {
+                    None => "(n, p), or (n,) of one channel".to_owned(),
+                    Some(1) => "(n,) or (n, 1)".to_owned(),
+                    Some(p) => format!("(n, {p})"),
+                };
+                Err(self.wrong_shape(
+                    other,
+                    &expected,
+                    "one row per sample, one column per channel",
+                ))
+            }
+        }
+    }
+
+    /// Shape (k, 2): from where to where, in rows of which there are `rows`.
+    pub(crate) fn spans(&self, rows: usize) -> Result<Vec<[usize; 2]>, Failure> {
+        let array = self.floats()?;
+        if !matches!(array.shape(), [_, 2]) {
+            return Err(self.wrong_shape(
+                array.shape(),
+                "(k, 2)",
+                "for each run its first row and the one after its last",
+            ));
+        }
+        let values = elements(&array);
+        values
+            .chunks_exact(2)
+            .enumerate()
+            .map(|(row, span)| {
+                let whole = span.iter().all(|v| v.fract() == 0.0 && *v >= 0.0);
+                let inside = span[0] <= span[1] && span[1] <= rows as f64;
+                (whole && inside)
+                    .then(|| [span[0] as usize, span[1] as usize])
+                    .ok_or_else(|| {
+                        Failure::new(
+                            "bad_option",
+                            format!(
+                                "{}[{row}] = ({}, {}): no run of the {rows} samples",
+                                self.name, span[0], span[1]
+                            ),
+                            "for each run its first row and the one after its last",
+                        )
+                    })
+            })
+            .collect()
+    }
+
+    /// Shape (n, p, p): the elements, the columns of each matrix one after the other.
+    pub(crate) fn square_stack(&self, count: usize, size: usize) -> Result<Vec<f64>, Failure> {
+        let stack = self.matrices(Some(count), Some(size), Some(size), false)?;
+        Ok(stack.iter().flat_map(|m| m.as_slice().to_vec()).collect())
+    }
 }
 
 fn elements(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<f64> {
@@ -210,5 +358,27 @@ pub(crate) fn matrices<'py>(
     let shape = [values.len(), 3, 3];
     PyArray1::from_vec(py, values.flatten().flatten().collect())
         .reshape(shape)?
+        .into_bound_py_any(py)
+}
+
+/// A new array of shape (n, m).
+pub(crate) fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyAny>> {
+    PyArray1::from_vec(py, matrix.transpose().as_slice().to_vec())
+        .reshape([matrix.nrows(), matrix.ncols()])?
+        .into_bound_py_any(py)
+}
+
+/// A new array of shape (n, p, p), of values with the columns of each matrix one after the other.
+pub(crate) fn square_stack<'py>(
+    py: Python<'py>,
+    values: &[f64],
+    size: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let by_rows: Vec<f64> = values
+        .chunks_exact(size * size)
+        .flat_map(|one| (0..size * size).map(|i| one[i % size * size + i / size]))
+        .collect();
+    PyArray1::from_vec(py, by_rows)
+        .reshape([values.len() / (size * size), size, size])?
         .into_bound_py_any(py)
 }

@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use insnav_core::config::Config;
 use insnav_core::earth::Geodetic;
 use insnav_core::sample::{
-    GnssPosition, GnssVelocity, Heading, ImuIncrement, ImuSample, Sample, Speed, Standstill,
+    GnssPosition, GnssVelocity, Heading, ImuIncrement, ImuSample, MagneticField, Sample, Speed,
+    Standstill,
 };
 use insnav_core::time::Time;
 use insnav_log::{ImuAxes, RunError, Source, imu_to_body};
@@ -120,11 +121,57 @@ pub(crate) fn arrays(arrays: &Bound<'_, PyMapping>, config: &Config) -> PyResult
     }
     // Stable: rows of one kind keep their order.
     samples.sort_by_key(|s| (s.time(), !s.is_inertial()));
+    Ok(mounted(samples, config))
+}
+
+/// Rates, forces and, where there are, fields, in the order of time; at one instant the field first, so that it is known when the
+/// inertial sample comes. Rows of `mag` with NaN are instants without a field.
+pub(crate) fn inertial_and_magnetic(
+    t: &Bound<'_, PyAny>,
+    gyro: &Bound<'_, PyAny>,
+    accel: &Bound<'_, PyAny>,
+    mag: Option<&Bound<'_, PyAny>>,
+    config: &Config,
+) -> Result<Arrays, Failure> {
+    let columns = [
+        Argument::new("t", t),
+        Argument::new("gyro", gyro),
+        Argument::new("accel", accel),
+    ];
+    let mut samples = imu(&columns)?;
+    if let Some(mag) = mag {
+        // A pair of columns has stamps of its own.
+        let (times, field) = match mag.cast::<PyTuple>().map(|pair| (pair.len(), pair)) {
+            Ok((2, pair)) => {
+                let item = |i: usize| {
+                    pair.get_item(i)
+                        .map_err(|e| Failure::new("not_numbers", format!("mag: {e}"), ""))
+                };
+                let times = Argument::new("mag[0]", &item(0)?).times()?;
+                (times, Argument::new("mag[1]", &item(1)?))
+            }
+            _ => (columns[0].times()?, Argument::new("mag", mag)),
+        };
+        let fields = field.vectors(times.len())?;
+        samples.extend(
+            times
+                .into_iter()
+                .zip(fields)
+                .filter(|(_, field_b)| field_b.iter().all(|v| v.is_finite()))
+                .map(|(time, field_b)| Sample::Magnetic(MagneticField { time, field_b })),
+        );
+    }
+    samples.sort_by_key(|s| (s.time(), s.is_inertial()));
+    Ok(mounted(samples, config))
+}
+
+/// Turned by the mounting that the settings name.
+fn mounted(mut samples: Vec<Sample>, config: &Config) -> Arrays {
     let to_body = imu_to_body(ImuAxes::Frd, Some(config.imu.mounting_rpy_deg));
     if to_body != Matrix3::identity() {
         samples.iter_mut().for_each(|s| turn(s, &to_body));
     }
-    Ok(Arrays(samples))
+    Arrays(samples)
 }
 
 impl Stream {
@@ -190,6 +237,7 @@ fn turn(sample: &mut Sample, to_body: &Matrix3<f64>) {
             s.angle_b = to_body * s.angle_b;
             s.velocity_b = to_body * s.velocity_b;
         }
+        Sample::Magnetic(s) => s.field_b = to_body * s.field_b,
         _ => {}
     }
 }

@@ -216,10 +216,17 @@ fn read_options(
     Ok(options)
 }
 
-/// The report as a dictionary: by way of JSON, so that keys and values are those of the command.
+/// The report as a dictionary.
 fn summary(py: Python<'_>, report: &RunReport) -> PyResult<Py<PyDict>> {
-    let text = serde_json::to_string(report)
-        .map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
-    let summary = py.import("json")?.call_method1("loads", (text,))?;
-    Ok(summary.cast_into::<PyDict>()?.unbind())
+    Ok(dictionary(py, serde_json::to_string(report))?.unbind())
+}
+
+/// A report as a dictionary: by way of JSON, so that keys and values are those of the command.
+pub(crate) fn dictionary(
+    py: Python<'_>,
+    json: serde_json::Result<String>,
+) -> PyResult<Bound<'_, PyDict>> {
+    let text = json.map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+    let dictionary = py.import("json")?.call_method1("loads", (text,))?;
+    Ok(dictionary.cast_into::<PyDict>()?)
 }
