@@ -8,7 +8,7 @@ use insnav::sim::{AttitudeCase, AttitudeErrors, AttitudeRecord, AttitudeTrial, A
 use simulated_drives::over_seeds;
 
 fn runs() -> u64 {
-    if std::env::var_os("INSNAV_LONG").is_some() {
+    if std::env::var("INSNAV_LONG").is_ok_and(|v| v == "1") {
         100
     } else {
         20

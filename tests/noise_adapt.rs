@@ -22,7 +22,7 @@ use std::time::Instant;
 const DURATION_S: f64 = 1200.0;
 
 fn seeds() -> u64 {
-    if std::env::var_os("INSNAV_LONG").is_some() {
+    if std::env::var("INSNAV_LONG").is_ok_and(|v| v == "1") {
         20
     } else {
         2

@@ -21,7 +21,7 @@ pub(crate) fn record(seconds: f64) -> (Vec<ImuSample>, Vec<MagneticField>) {
             let t = i as f64 * STEP;
             let rate = Vector3::new(
                 1.5 * (2.1 * t).sin(),
-                -1.0 * (1.3 * t).cos(),
+                -(1.3 * t).cos(),
                 2.0 * (0.9 * t).sin(),
             );
             attitude *= exp(&(rate * STEP));

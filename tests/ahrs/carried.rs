@@ -8,30 +8,30 @@ use insnav::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Field of Berlin, µT: north and down.
-pub const FIELD: Vector3<f64> = Vector3::new(19.0, 0.0, 46.0);
+pub(crate) const FIELD: Vector3<f64> = Vector3::new(19.0, 0.0, 46.0);
 const STEP: f64 = 0.01;
 const TONES: usize = 6;
 
 /// What is wrong with the sensor and the room.
 #[derive(Clone, Copy, Debug)]
-pub struct Unit {
-    pub seed: u64,
+pub(crate) struct Unit {
+    pub(crate) seed: u64,
     /// Length of the record, s; 8 s of rest at both ends.
-    pub duration: f64,
+    pub(crate) duration: f64,
     /// Amplitude of the turns, rad, and of the velocity, m/s.
-    pub turns: f64,
-    pub velocity: f64,
+    pub(crate) turns: f64,
+    pub(crate) velocity: f64,
     /// One sigma of the constant errors: °/s, m/s², share of the field, s.
-    pub gyro_bias_deg_per_s: f64,
-    pub accel_bias: f64,
-    pub offset: f64,
-    pub delay: f64,
+    pub(crate) gyro_bias_deg_per_s: f64,
+    pub(crate) accel_bias: f64,
+    pub(crate) offset: f64,
+    pub(crate) delay: f64,
     /// Sigma of the room's field, share of the Earth's.
-    pub disturbance: f64,
+    pub(crate) disturbance: f64,
 }
 
 impl Unit {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Unit {
             seed,
             duration: 80.0,
@@ -47,13 +47,13 @@ impl Unit {
 }
 
 /// Samples, fields and the truth at each sample; errors as drawn.
-pub struct Record {
-    pub samples: Vec<ImuSample>,
-    pub fields: Vec<MagneticField>,
-    pub truth: Vec<UnitQuaternion<f64>>,
-    pub moving: Vec<bool>,
-    pub offset: Vector3<f64>,
-    pub delay: f64,
+pub(crate) struct Record {
+    pub(crate) samples: Vec<ImuSample>,
+    pub(crate) fields: Vec<MagneticField>,
+    pub(crate) truth: Vec<UnitQuaternion<f64>>,
+    pub(crate) moving: Vec<bool>,
+    pub(crate) offset: Vector3<f64>,
+    pub(crate) delay: f64,
 }
 
 /// Sum of tones, zero at rest.
@@ -90,7 +90,7 @@ fn envelope(t: f64, duration: f64) -> f64 {
     ramp((t - 8.0) / 2.0) * ramp((duration - 8.0 - t) / 2.0)
 }
 
-pub fn record(unit: &Unit) -> Record {
+pub(crate) fn record(unit: &Unit) -> Record {
     let mut draw = Source::new(unit.seed, Stream::Initial);
     let mut route = Source::new(unit.seed, Stream::Route);
     let mut gyro = Source::new(unit.seed, Stream::GyroWhite);
@@ -158,14 +158,14 @@ pub fn record(unit: &Unit) -> Record {
 }
 
 /// Causal and smoothed epochs, each with the index of its sample.
-pub struct Estimates {
-    pub causal: Vec<(usize, AhrsEpoch)>,
-    pub smoothed: Vec<(usize, AhrsEpoch)>,
-    pub delay: Option<(f64, f64)>,
-    pub offset: Option<Vector3<f64>>,
+pub(crate) struct Estimates {
+    pub(crate) causal: Vec<(usize, AhrsEpoch)>,
+    pub(crate) smoothed: Vec<(usize, AhrsEpoch)>,
+    pub(crate) delay: Option<(f64, f64)>,
+    pub(crate) offset: Option<Vector3<f64>>,
 }
 
-pub fn estimate(record: &Record, settings: AhrsSettings, with_fields: bool) -> Estimates {
+pub(crate) fn estimate(record: &Record, settings: AhrsSettings, with_fields: bool) -> Estimates {
     let mut smoother = Smoother::new(settings).expect("settings");
     let mut causal = Vec::new();
     let mut fields = record.fields.iter().peekable();
@@ -193,12 +193,12 @@ pub fn estimate(record: &Record, settings: AhrsSettings, with_fields: bool) -> E
 }
 
 /// Error of an epoch as a small rotation in level axes, rad.
-pub fn error(record: &Record, (k, epoch): &(usize, AhrsEpoch)) -> Vector3<f64> {
+pub(crate) fn error(record: &Record, (k, epoch): &(usize, AhrsEpoch)) -> Vector3<f64> {
     log(&(record.truth[*k] * epoch.attitude.conjugate()))
 }
 
 /// Normalised error squared of an attitude, three degrees of freedom.
-pub fn nees(record: &Record, epoch: &(usize, AhrsEpoch)) -> f64 {
+pub(crate) fn nees(record: &Record, epoch: &(usize, AhrsEpoch)) -> f64 {
     let error = error(record, epoch);
     let root = epoch.1.covariance.cholesky().expect("positive");
     error.dot(&root.solve(&error))

@@ -28,7 +28,8 @@ fn rms(
 fn a_gap_begins_anew_and_keeps_what_is_known_of_the_sensors() {
     let whole = record(&Unit::new(5));
     let mut cut = record(&Unit::new(5));
-    let out = |t: Time| (40.0..45.0).contains(&t.seconds());
+    // In the middle of a block, so that epochs follow the last correction.
+    let out = |t: Time| (40.025..45.0).contains(&t.seconds());
     cut.samples.retain(|s| !out(s.time));
     cut.fields.retain(|f| !out(f.time));
     let truth: Vec<_> = whole
@@ -48,12 +49,23 @@ fn a_gap_begins_anew_and_keeps_what_is_known_of_the_sensors() {
             .fold(0.0, f64::max)
             .to_degrees()
     };
+    // The last epochs before the gap have nothing after them.
+    let last = |epochs: &[(usize, insnav::ahrs::AhrsEpoch)]| {
+        let before = epochs
+            .iter()
+            .filter(|(_, e)| (39.9..40.1).contains(&e.time.seconds()));
+        before
+            .map(|e| error(&cut, e).norm())
+            .fold(0.0, f64::max)
+            .to_degrees()
+    };
+    assert!(last(&estimates.smoothed) < last(&estimates.causal) + 0.1);
     // No epoch in the gap or before the new level, then as good as before.
     assert!(
         estimates
             .causal
             .iter()
-            .all(|(_, e)| !(40.01..45.25).contains(&e.time.seconds()))
+            .all(|(_, e)| !(40.03..45.25).contains(&e.time.seconds()))
     );
     assert!(
         after(&estimates.causal) < 15.0,
@@ -78,6 +90,8 @@ fn a_gap_begins_anew_and_keeps_what_is_known_of_the_sensors() {
         .find(|(_, e)| e.time.seconds() > 45.0)
         .unwrap();
     assert!((bias(&before.1) - bias(&again.1)).norm() < 1e-4);
+    let sigmas = [before, again].map(|(_, e)| e.covariance[(2, 2)].sqrt());
+    assert!(sigmas[1] > sigmas[0]);
 }
 
 /// Fast turns beyond the range: with the range known the tilt comes back, without it it is lost.
@@ -195,7 +209,63 @@ fn a_late_magnetometer() {
             .iter()
             .all(|(_, e)| e.magnetic == (e.time.seconds() > 20.0))
     );
-    assert!(rms(&record, &estimates.causal, 40.0, 72.0)[1] < 5.0);
+    for epochs in [&estimates.causal, &estimates.smoothed] {
+        assert!(rms(&record, epochs, 40.0, 72.0)[1] < 5.0);
+        // Before, heading counts from the begin, and tilt is as always.
+        assert!(rms(&record, epochs, 1.0, 19.0)[0] < 2.0);
+    }
+}
+
+/// Zeros are no field, and a slow unit whose magnetometer comes late has an attitude all the same.
+#[test]
+fn fields_of_zero_and_slow_samples() {
+    let mut zeros = record(&Unit::new(6));
+    for field in &mut zeros.fields {
+        field.field_b = Vector3::zeros();
+    }
+    let with = estimate(&zeros, AhrsSettings::default(), true).causal;
+    let without = estimate(&zeros, AhrsSettings::default(), false).causal;
+    assert_eq!(with, without);
+
+    let mut slow = record(&Unit::new(6));
+    let mut k = 0;
+    slow.samples.retain(|_| {
+        k += 1;
+        k % 20 == 0
+    });
+    slow.samples.truncate(40);
+    slow.fields.retain(|f| f.time.seconds() > 5.0);
+    let estimates = estimate(&slow, AhrsSettings::default(), true);
+    for (_, epoch) in estimates.causal.iter().chain(&estimates.smoothed) {
+        assert!(epoch.attitude.coords.iter().all(|x| x.is_finite()));
+        assert!(epoch.covariance.cholesky().is_some());
+    }
+}
+
+/// A magnet on the body that is known stays known through gaps: headings after them are within their sigmas.
+#[test]
+fn gaps_with_a_magnet_that_is_known() {
+    let mut cut = record(&Unit::new(11));
+    for field in &mut cut.fields {
+        field.field_b += Vector3::new(4.0, -5.0, 9.0);
+    }
+    let out = |t: Time| t.seconds() > 40.0 && t.seconds() < 70.0 && t.seconds() % 3.0 < 0.9;
+    let kept: Vec<usize> = (0..cut.samples.len())
+        .filter(|k| !out(cut.samples[*k].time))
+        .collect();
+    cut.truth = kept.iter().map(|k| cut.truth[*k]).collect();
+    cut.samples.retain(|s| !out(s.time));
+    cut.fields.retain(|f| !out(f.time));
+    let estimates = estimate(&cut, AhrsSettings::default(), true);
+    let squares: Vec<f64> = estimates
+        .causal
+        .windows(2)
+        .filter(|w| w[1].1.time.since(w[0].1.time) > 0.5)
+        .map(|w| error(&cut, &w[1]).z.powi(2) / w[1].1.covariance[(2, 2)])
+        .collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    println!("heading after {} gaps: NEES {mean:.2}", squares.len());
+    assert!(squares.len() == 10 && mean < 2.0, "{squares:?}");
 }
 
 /// The unit of the field is of no importance: tesla, microtesla, and shares of it give the same attitude.

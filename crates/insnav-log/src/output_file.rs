@@ -119,6 +119,13 @@ impl OutputFile {
                 path: target.into(),
             });
         }
+        // A rename would put a file in the place of a device or a pipe.
+        if fs::metadata(target).is_ok_and(|m| !m.is_file()) {
+            return Err(unwritable(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "not a file but a device or a pipe",
+            )));
+        }
         let mut temporary_name = std::ffi::OsString::from(".");
         temporary_name.push(name);
         temporary_name.push(format!(".{}.partial", std::process::id()));

@@ -12,7 +12,7 @@ use insnav_core::config::Config;
 use insnav_log::{
     Choice, GyroRange, Log, OrientationNoise, OrientationPlan, OrientationReport,
     OrientationRequest, OrientationSink, OrientationSinkOptions, OrientationTable, ReadOptions,
-    Role, Warning, check_output, is_standard_stream, load_config,
+    Role, Warning, check_output, is_standard_stream,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -41,6 +41,11 @@ pub(crate) struct Ahrs {
     #[arg(long, value_name = "DEG_PER_S|none", value_parser = gyro_range)]
     gyro_range: Option<Range>,
 
+    /// How fast the carrier goes about, standard deviation in m/s: 1 for hands, people and small robots, 8 for cars, whose long
+    /// accelerations look like tilts otherwise [default: 1]
+    #[arg(long, value_name = "M_PER_S", value_parser = carrier_speed)]
+    carrier_speed: Option<f64>,
+
     /// Where to write [default: LOG with the ending .ahrs.mcap]; a folder when there are several logs
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
@@ -66,6 +71,14 @@ pub(crate) struct Ahrs {
     /// End with code 3 when there are warnings about the data
     #[arg(long)]
     strict: bool,
+}
+
+/// A speed that a carrier can have.
+fn carrier_speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(speed) if (0.01..=1000.0).contains(&speed) => Ok(speed),
+        _ => Err("must be from 0.01 to 1000 m/s".into()),
+    }
 }
 
 /// Where the noise is taken from.
@@ -217,7 +230,7 @@ impl Ahrs {
                     "give auto, datasheet, or the path of a file with a [noise] block, such as `insnav noise` prints",
                 ));
             }
-            config.noise = load_config(Some(path), &[])?.noise;
+            config.noise = self.settings.noise_of(path)?;
         }
         Ok(config)
     }
@@ -245,6 +258,7 @@ impl Ahrs {
             },
             smooth: self.smooth,
             gyro_range: self.gyro_range.map_or(GyroRange::AsSeen, |r| r.0),
+            carrier_speed: self.carrier_speed,
         };
         let plan = OrientationPlan::make(&source, &config, request)?;
         let mut metadata = plan.metadata();

@@ -2,10 +2,10 @@
 
 use crate::failure::Failure;
 use clap::Args;
-use insnav_core::config::Config;
+use insnav_core::config::{Config, NoiseConfig};
 use insnav_core::error::Error as CoreError;
 use insnav_log::{ConfigError, LogSettings, RunError, load_config};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Clone, Debug)]
 pub(super) struct SettingsFlags {
@@ -31,6 +31,11 @@ impl SettingsFlags {
     /// The settings of file and `--set`, checked.
     pub(super) fn load(&self) -> Result<Config, Failure> {
         self.load_over(|_| Vec::new())
+    }
+
+    /// The noise of a file of its own, with `--set` over it.
+    pub(super) fn noise_of(&self, path: &Path) -> Result<NoiseConfig, Failure> {
+        Ok(load_config(Some(path), &self.set).map_err(blame)?.noise)
     }
 
     /// What the settings say to the reader of logs.

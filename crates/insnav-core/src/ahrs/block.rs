@@ -30,3 +30,12 @@ pub(super) struct Block {
     /// Sum of |ω × m|² / 3.
     pub(super) per_stamp_squared: f64,
 }
+
+impl Block {
+    /// The same in level axes that are turned; before there are fields.
+    pub(super) fn turn(&mut self, axes: &Matrix3<f64>) {
+        self.turned = axes * self.turned;
+        self.pushed = axes * self.pushed;
+        self.unseen_turn = axes * self.unseen_turn * axes.transpose();
+    }
+}

@@ -160,3 +160,109 @@ fn subtract_square(p: &mut Covariance, w: &Errors) {
         p.column_mut(j).axpy(-w[j], w, 1.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::exp;
+    use nalgebra::{UnitQuaternion, Vector2};
+
+    fn state() -> State {
+        State {
+            field: Vector2::new(0.4, 0.9),
+            offset: Vector3::new(0.05, -0.02, 0.03),
+            disturbance: Vector3::new(-0.03, 0.06, 0.02),
+            delay: 0.01,
+            ..State::at(exp(&Vector3::new(0.2, -0.4, 1.1)))
+        }
+    }
+
+    /// A block of three fields as a body of that truth would measure them, taken with the attitudes of `estimate`.
+    fn block(truth: &State, estimate: &State) -> Block {
+        let mut block = Block {
+            time: 0.05,
+            ..Block::default()
+        };
+        for k in 0..3 {
+            let since = exp(&Vector3::new(0.1 * k as f64, 0.3, -0.2 * k as f64));
+            let rate = Vector3::new(2.0, -1.0, 0.5 + k as f64);
+            let at =
+                |s: &State| -> UnitQuaternion<f64> { s.attitude * since * exp(&(-rate * s.delay)) };
+            let measured = at(truth).conjugate() * truth.outer_field() + truth.offset;
+            let axes = at(estimate).to_rotation_matrix().into_inner();
+            block.fields += 1;
+            block.field += axes * measured;
+            block.attitudes += axes;
+            block.per_delay += (axes * rate).cross(&estimate.outer_field());
+        }
+        block
+    }
+
+    fn residual_and_rows(
+        truth: &State,
+        p: &mut Covariance,
+    ) -> (Vector3<f64>, SMatrix<f64, SIZE, 3>) {
+        let settings = FieldSettings::default();
+        let estimate = state();
+        let field = Correction::new(p)
+            .field(&estimate, &block(truth, &estimate), 1.0, &settings)
+            .expect("positive");
+        (field.residual, field.gain_rows)
+    }
+
+    /// With P = 1, P Hᵀ is Hᵀ; central differences of what a truth beside the estimate would show.
+    #[test]
+    fn rows_are_the_derivatives_of_the_residual() {
+        let mut one = Covariance::identity();
+        let (none, rows) = residual_and_rows(&state(), &mut one);
+        assert!(none.norm() < 1e-12);
+        let step = 1e-5;
+        for j in 0..SIZE {
+            let beside = |by: f64| {
+                let mut errors = Errors::zeros();
+                errors[j] = by;
+                residual_and_rows(&state().corrected(&errors), &mut Covariance::identity()).0
+            };
+            let slope = (beside(step) - beside(-step)) / (2.0 * step);
+            let row = rows.row(j).transpose();
+            assert!((slope - row).norm() < 1e-8, "state {j}: {slope} {row}");
+        }
+    }
+
+    /// Joseph's form, true for any gain: with the rows of considered states at zero while the tilt is known, in full while it is lost.
+    #[test]
+    fn considered_states_stay_and_the_covariance_is_that_of_the_gain() {
+        for tilt_sigma in [0.01, 0.5] {
+            let root = Covariance::from_fn(|i, j| {
+                let off = ((i * 7 + j * 5) % 13) as f64 * 0.02 - 0.12;
+                (if i == j { 1.0 } else { off }) * if i < 2 { tilt_sigma } else { 0.3 }
+            });
+            let prior = root * root.transpose();
+            let mut truth = Errors::zeros();
+            truth.fixed_rows_mut::<3>(OFFSET).fill(0.02);
+            let (estimate, settings) = (state(), FieldSettings::default());
+            let block = block(&estimate.corrected(&truth), &estimate);
+            let (_, rows) = residual_and_rows(&estimate, &mut Covariance::identity());
+            let mut p = prior;
+            let mut correction = Correction::new(&mut p);
+            let field = correction
+                .field(&estimate, &block, 1.0, &settings)
+                .expect("positive");
+            correction.take(&field);
+            let errors = correction.errors;
+            let h = rows.transpose();
+            let noise = field.expected - h * prior * rows;
+            let mut gain = prior * rows * field.expected.try_inverse().expect("regular");
+            if tilt_sigma < 0.1 {
+                for i in CONSIDERED {
+                    gain.row_mut(i).fill(0.0);
+                }
+            }
+            let left = Covariance::identity() - gain * h;
+            let joseph = left * prior * left.transpose() + gain * noise * gain.transpose();
+            assert!((p - joseph).amax() < 1e-12 * prior.amax(), "{tilt_sigma}");
+            assert!((errors - gain * field.residual).amax() < 1e-12);
+            assert_eq!(p, p.transpose());
+        }
+    }
+}

@@ -8,16 +8,15 @@ use super::rest::Rest;
 use super::settings::AhrsSettings;
 use super::start::{Level, Start};
 use super::state::{
-    ATTITUDE, Covariance, DISTURBANCE, Errors, FIELD, GYRO_BIAS, OFFSET, SIZE, State, VELOCITY,
+    ACCEL_BIAS, ATTITUDE, Covariance, DISTURBANCE, Errors, FIELD, GYRO_BIAS, OFFSET, SIZE, State,
+    VELOCITY,
 };
 use crate::attitude::{Euler, exp};
 use crate::error::{Error, Result};
 use crate::sample::{ImuSample, MagneticField};
 use crate::time::Time;
-use nalgebra::ComplexField;
 #[cfg(not(feature = "std"))]
-#[cfg(not(feature = "std"))]
-use nalgebra::RealField;
+use nalgebra::{ComplexField, RealField};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 /// A longer time without samples is not bridged: levelling begins anew, biases and calibration stay, s.
@@ -38,6 +37,10 @@ const REST_VELOCITY_TAU: f64 = 0.1;
 const VELOCITY_MEMORY: f64 = 10.0;
 /// Time over which the residuals of fields are looked at, s.
 const FIELD_MEMORY: f64 = 0.5;
+/// Heading by one sample of a field, rad.
+const FIRST_NORTH: f64 = 0.3;
+/// Heading that is counted from the begin: zero but for rounding, rad.
+const HEADING_BEGIN: f64 = 1e-5;
 /// Heading after a gap without a magnetometer: none is known, rad.
 const HEADING_UNKNOWN: f64 = 1.81;
 
@@ -48,7 +51,8 @@ pub struct AhrsEpoch {
     pub time: Time,
     /// Rotation from the body (forward-right-down) to magnetic north, east, down; without a field north is where it began.
     pub attitude: UnitQuaternion<f64>,
-    /// Covariance of the attitude error θ, true = Exp(θ) ∘ estimate, level axes, rad².
+    /// Covariance of the attitude error θ, true = Exp(θ) ∘ estimate, level axes, rad²: that of the last correction, which is no
+    /// older than `update_interval`, and what saturated gyros did not see since.
     pub covariance: Matrix3<f64>,
     /// Gyro bias, body, rad/s.
     pub gyro_bias: Vector3<f64>,
@@ -56,7 +60,7 @@ pub struct AhrsEpoch {
     pub rests: bool,
     /// Whether a gyro saturates now.
     pub saturated: bool,
-    /// Whether the heading comes from a magnetometer.
+    /// Whether the heading comes from a magnetometer; before, and after a gap until a field comes, north is where it began.
     pub magnetic: bool,
 }
 
@@ -91,10 +95,15 @@ pub struct Ahrs {
     block: Block,
     history: History,
     rest: Rest,
-    /// Length of the field at the start; 0 as long as none was seen.
+    /// Length of the first field; 0 as long as none was seen.
     scale: f64,
+    /// Whether the heading of this stretch comes from a field.
+    magnetic: bool,
+    /// When biases were corrected last.
+    corrected_at: Option<Time>,
     field_ratio: f64,
     field_changed: bool,
+    changes: u32,
     saturated: bool,
     /// Mean square of the velocity per axis, as estimated, m²/s².
     velocity_squared: f64,
@@ -103,6 +112,9 @@ pub struct Ahrs {
     /// Whether a start lies before the next correction.
     #[cfg(feature = "std")]
     begins: bool,
+    /// Whether the last epoch is the first of a stretch; the smoother takes it.
+    #[cfg(feature = "std")]
+    pub(super) began: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -134,14 +146,19 @@ impl Ahrs {
             history: History::new(),
             rest: Rest::default(),
             scale: 0.0,
+            magnetic: false,
+            corrected_at: None,
             field_ratio: 0.0,
             field_changed: false,
+            changes: 0,
             saturated: false,
             velocity_squared: 0.0,
             #[cfg(feature = "std")]
             corrected: None,
             #[cfg(feature = "std")]
             begins: true,
+            #[cfg(feature = "std")]
+            began: false,
         })
     }
 
@@ -179,7 +196,17 @@ impl Ahrs {
         (self.scale > 0.0).then_some(self.state.offset)
     }
 
-    /// Takes a field; it waits for the first inertial sample that is not earlier.
+    /// Length of that field as a share of the first one's; `None` without a field.
+    pub fn magnetometer_offset_share(&self) -> Option<f64> {
+        (self.scale > 0.0).then(|| self.state.offset.norm() / self.scale)
+    }
+
+    /// How often the field became another one: iron that was put on or came near.
+    pub fn field_changes(&self) -> u32 {
+        self.changes
+    }
+
+    /// Takes a field; it waits for the first inertial sample that is not earlier. One of length zero says nothing and is left out.
     ///
     /// # Errors
     /// [`Error::NotFinite`]. The filter is as before.
@@ -189,6 +216,9 @@ impl Ahrs {
                 what: "magnetic field",
                 time: field.time,
             });
+        }
+        if field.field_b == Vector3::zeros() {
+            return Ok(());
         }
         if self.waiting == FIELDS {
             // Inertial samples are missing; the oldest field is of least use.
@@ -256,7 +286,7 @@ impl Ahrs {
             gyro_bias: self.state.gyro_bias,
             rests: self.rest.rests(&self.settings.rest),
             saturated: self.saturated,
-            magnetic: self.scale > 0.0,
+            magnetic: self.magnetic,
         }
     }
 
@@ -287,20 +317,48 @@ impl Ahrs {
             .take_while(|f| f.time <= sample.time)
             .count();
         for field in &self.fields[..known] {
-            start.field(&field.field_b);
+            start.field(&(field.field_b - self.state.offset));
         }
         self.fields.rotate_left(known);
         self.waiting -= known;
         let heading = Euler::from_quaternion(&self.state.attitude).heading;
-        let Some(level) = start.level(&self.settings, heading) else {
+        // What the field may be off by, as a share of its length.
+        let scale = if self.scale > 0.0 { self.scale } else { 1.0 };
+        let offset = self.covariance[(OFFSET, OFFSET)].sqrt() / scale;
+        let off = offset.hypot(self.settings.field.disturbance_sigma);
+        let Some(level) = start.level(&self.settings, heading, off) else {
             return false;
         };
+        if let Some(at) = self.corrected_at.replace(sample.time) {
+            self.wander(sample.time.since(at));
+        }
         self.level(&level);
         true
     }
 
+    /// What biases and the body's field may have become in a time without corrections, never worse than before anything was known.
+    fn wander(&mut self, time: f64) {
+        let noise = self.variances(time).all();
+        let squared = self.scale * self.scale;
+        let unknown = Self::unknown(&self.settings);
+        for at in [GYRO_BIAS, ACCEL_BIAS, OFFSET] {
+            let most = unknown[(at, at)] * if at == OFFSET { squared } else { 1.0 };
+            for i in at..at + 3 {
+                let now = self.covariance[(i, i)];
+                self.covariance[(i, i)] = (now + noise[i]).min(now.max(most));
+            }
+        }
+    }
+
     fn level(&mut self, level: &Level) {
         self.phase = Phase::Running;
+        self.magnetic = level.field.is_some();
+        self.begin_stretch();
+        // A force at rest that is not as long as gravity is shows a bias, along that axis; others are as likely.
+        let bias = level.length_off * level.length_off;
+        for i in ACCEL_BIAS..ACCEL_BIAS + 3 {
+            self.covariance[(i, i)] = self.covariance[(i, i)].max(bias);
+        }
         self.state.attitude = level.attitude;
         self.state.velocity = Vector3::zeros();
         self.state.disturbance = Vector3::zeros();
@@ -308,7 +366,7 @@ impl Ahrs {
         // Without a field the heading is zero by definition, or was lost in a gap.
         let heading = match level.field {
             Some((_, sigma)) => sigma * sigma,
-            None if self.begins_first() => 0.0,
+            None if self.begins_first() => HEADING_BEGIN * HEADING_BEGIN,
             None => HEADING_UNKNOWN * HEADING_UNKNOWN,
         };
         self.forget(ATTITUDE, &[tilt, tilt, heading]);
@@ -319,6 +377,15 @@ impl Ahrs {
         let scale = if self.scale > 0.0 { self.scale } else { 1.0 };
         let sigma = self.settings.field.disturbance_sigma * scale;
         self.forget(DISTURBANCE, &[sigma * sigma; 3]);
+    }
+
+    /// What came before has its heading from elsewhere.
+    fn begin_stretch(&mut self) {
+        #[cfg(feature = "std")]
+        {
+            self.begins = true;
+            self.began = true;
+        }
     }
 
     fn begins_first(&self) -> bool {
@@ -392,6 +459,7 @@ impl Ahrs {
         self.take_fields(sample.time);
         if self.block.time > settings.update_interval - 0.5 * interval {
             self.correct();
+            self.corrected_at = Some(sample.time);
         }
     }
 
@@ -406,12 +474,17 @@ impl Ahrs {
             }
             taken += 1;
             let (turn, rate) = self.history.since(age + self.state.delay);
+            if !self.magnetic {
+                self.find_north(
+                    &(self.state.attitude * turn * (field.field_b - self.state.offset)),
+                );
+            }
+            if !self.magnetic {
+                continue;
+            }
             let attitude = (self.state.attitude * turn)
                 .to_rotation_matrix()
                 .into_inner();
-            if self.scale == 0.0 {
-                self.find_north(&(attitude * field.field_b));
-            }
             let block = &mut self.block;
             block.fields += 1;
             block.field += attitude * field.field_b;
@@ -423,20 +496,23 @@ impl Ahrs {
         self.waiting -= taken;
     }
 
-    /// The first field after a start without one: the heading turns to it.
+    /// The first field after a start without one: the heading turns to it. A field of zero, or along gravity, tells no north.
     fn find_north(&mut self, field_n: &Vector3<f64>) {
-        if field_n.xy().norm() < 1e-3 * field_n.norm() {
+        let horizontal = field_n.xy().norm();
+        if horizontal.is_nan() || horizontal <= 1e-3 * field_n.norm() {
             return;
         }
         let to_north = exp(&Vector3::new(0.0, 0.0, -field_n.y.atan2(field_n.x)));
         self.state.attitude = to_north * self.state.attitude;
         self.state.velocity = to_north * self.state.velocity;
-        // Sums of this block are in the old axes, which turn with the heading.
-        self.block = Block::default();
-        let tilt = self.covariance[(ATTITUDE, ATTITUDE)];
-        self.forget(ATTITUDE, &[tilt, tilt, 0.1]);
+        self.block.turn(&to_north.to_rotation_matrix().into_inner());
+        let tilt = [0, 1].map(|i| self.covariance[(ATTITUDE + i, ATTITUDE + i)]);
+        let tilt = tilt[0].max(tilt[1]);
+        self.forget(ATTITUDE, &[tilt, tilt, FIRST_NORTH * FIRST_NORTH]);
         self.forget(VELOCITY, &[START_VELOCITY * START_VELOCITY; 3]);
         self.field_known(&(to_north * field_n));
+        self.magnetic = true;
+        self.begin_stretch();
     }
 
     fn correct(&mut self) {
@@ -479,13 +555,14 @@ impl Ahrs {
                 correction.state(GYRO_BIAS + axis, bias[axis], variance);
             }
         }
-        if block.fields > 0 && self.scale > 0.0 {
+        if block.fields > 0 {
             let field = correction.field(&self.state, &block, self.scale, &settings.field);
             if let Some(field) = field {
                 self.field_ratio +=
                     (field.ratio - self.field_ratio) * (time / FIELD_MEMORY).min(1.0);
                 if self.field_ratio > settings.field.change_ratio {
                     self.field_changed = true;
+                    self.changes = self.changes.saturating_add(1);
                     self.field_ratio = 0.0;
                 } else {
                     correction.take(&field);
@@ -507,34 +584,39 @@ impl Ahrs {
     }
 
     fn propagation(&mut self, block: &Block) -> Propagation {
-        let (s, noise, time) = (&self.settings, &self.settings.noise, block.time);
-        let left = (-time / s.field.disturbance_tau).exp();
-        let scale = self.scale * self.scale;
-        let wander = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau * time;
-        let mut offset = s.field.offset_wander.powi(2) * time;
-        let mut disturbance = s.field.disturbance_sigma.powi(2) * (1.0 - left * left);
+        let time = block.time;
+        let (s, squared) = (&self.settings, self.scale * self.scale);
+        let mut noise = self.variances(time);
+        noise.attitude += s.rate_noise.powi(2) * block.rate_squared;
+        noise.velocity += s.force_noise.powi(2) * block.force_squared;
         if core::mem::take(&mut self.field_changed) {
-            offset += s.field.change_offset_sigma.powi(2);
-            disturbance += s.field.change_disturbance_sigma.powi(2);
+            noise.offset += s.field.change_offset_sigma.powi(2) * squared;
+            noise.disturbance += s.field.change_disturbance_sigma.powi(2) * squared;
         }
         Propagation {
             turned: block.turned,
-            pushed: block.pushed,
-            disturbance_left: left,
+            pushed: Vector3::new(0.0, 0.0, -s.gravity * time),
+            disturbance_left: (-time / s.field.disturbance_tau).exp(),
             unseen_turn: block.unseen_turn,
-            noise: Variances {
-                attitude: noise.gyro_white.powi(2) * time
-                    + s.rate_noise.powi(2) * block.rate_squared,
-                gyro_bias: wander(noise.gyro_bias_sigma, noise.gyro_bias_tau),
-                velocity: noise.accel_white.powi(2) * time
-                    + s.force_noise.powi(2) * block.force_squared,
-                accel_bias: wander(noise.accel_bias_sigma, noise.accel_bias_tau),
-                field: 0.0,
-                offset: offset * scale,
-                disturbance: disturbance * scale,
-                delay: 0.0,
-            }
-            .all(),
+            noise: noise.all(),
+        }
+    }
+
+    /// What a time adds at rest.
+    fn variances(&self, time: f64) -> Variances {
+        let (s, noise) = (&self.settings, &self.settings.noise);
+        let squared = self.scale * self.scale;
+        let left = (-time / s.field.disturbance_tau).exp();
+        let wander = |sigma: f64, tau: f64| 2.0 * sigma * sigma / tau * time;
+        Variances {
+            attitude: noise.gyro_white.powi(2) * time,
+            gyro_bias: wander(noise.gyro_bias_sigma, noise.gyro_bias_tau),
+            velocity: noise.accel_white.powi(2) * time,
+            accel_bias: wander(noise.accel_bias_sigma, noise.accel_bias_tau),
+            field: 0.0,
+            offset: s.field.offset_wander.powi(2) * time * squared,
+            disturbance: s.field.disturbance_sigma.powi(2) * (1.0 - left * left) * squared,
+            delay: 0.0,
         }
     }
 }

@@ -166,6 +166,7 @@ impl AhrsSettings {
             ("ahrs.rate_noise", self.rate_noise),
             ("ahrs.force_noise", self.force_noise),
             ("ahrs.noise.gyro_bias_sigma", self.noise.gyro_bias_sigma),
+            ("ahrs.noise.accel_bias_sigma", self.noise.accel_bias_sigma),
             ("ahrs.rest.gyro_scatter", rest.gyro_scatter),
             ("ahrs.rest.accel_scatter", rest.accel_scatter),
             ("ahrs.rest.rate_limit", rest.rate_limit),

@@ -23,6 +23,8 @@ pub struct Smoother {
     epochs: Vec<AhrsEpoch>,
     /// Corrections, and the number of epochs up to and with each.
     corrections: Vec<(usize, Corrected)>,
+    /// Epochs that are the first of a stretch.
+    starts: Vec<usize>,
     last: Option<ImuSample>,
 }
 
@@ -63,6 +65,7 @@ impl Smoother {
             turns: Vec::new(),
             epochs: Vec::new(),
             corrections: Vec::new(),
+            starts: Vec::new(),
             last: None,
         })
     }
@@ -84,6 +87,9 @@ impl Smoother {
         let interval = self.last.map_or(0.0, |l| sample.time.since(l.time));
         self.last = Some(*sample);
         if let Some(epoch) = epoch {
+            if core::mem::take(&mut self.ahrs.began) {
+                self.starts.push(self.epochs.len());
+            }
             self.turns.push((interval, sample.angular_rate_b));
             self.epochs.push(epoch);
             if let Some(corrected) = self.ahrs.corrected.take() {
@@ -108,6 +114,11 @@ impl Smoother {
                 self.corrections[k].1.propagation.is_some(),
             );
             let before = (k > 0 && joined).then(|| &smoothed[k - 1]);
+            if before.is_none() {
+                // What is left of the stretch before has nothing after it: it stays as the filter had it.
+                let first = self.starts.partition_point(|s| *s < end);
+                begin = self.starts[..first].last().map_or(begin, |s| begin.max(*s));
+            }
             self.epochs_between(begin..end, before, &smoothed[k]);
             begin = end;
         }

@@ -16,8 +16,10 @@ const TILT_SIGMA: f64 = 0.1;
 const TILT_SOUGHT: f64 = 0.15;
 /// or for this long, s.
 const LONGEST: f64 = 2.0;
-/// Heading by a field that is quiet, rad.
-const HEADING_SIGMA: f64 = 0.05;
+/// Gravity differs so much from place to place, m/s².
+const GRAVITY_RANGE: f64 = 0.03;
+/// Heading by a field that is exact, rad.
+const HEADING_SIGMA: f64 = 0.02;
 
 /// Sums in the axes of the first sample.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub(super) struct Level {
     pub(super) attitude: UnitQuaternion<f64>,
     /// Of roll and pitch, rad.
     pub(super) tilt_sigma: f64,
+    /// By how much the force of a quiet body is longer or shorter than gravity can be, m/s².
+    pub(super) length_off: f64,
     /// The mean field in level axes, and the standard deviation of the heading by it, rad.
     pub(super) field: Option<(Vector3<f64>, f64)>,
 }
@@ -67,8 +71,13 @@ impl Start {
         self.fields += 1;
     }
 
-    /// The attitude now, when enough was seen; heading `heading` where there is no field.
-    pub(super) fn level(&self, settings: &AhrsSettings, heading: f64) -> Option<Level> {
+    /// The attitude now, when enough was seen; heading `heading` where there is no field, `field_off` the share that a field may be off by.
+    pub(super) fn level(
+        &self,
+        settings: &AhrsSettings,
+        heading: f64,
+        field_off: f64,
+    ) -> Option<Level> {
         let enough = self.forces >= FEWEST && self.elapsed >= settings.start_interval;
         if !enough || (self.fields == 0 && self.elapsed < PATIENCE) {
             return None;
@@ -93,7 +102,8 @@ impl Start {
             Some(east) if self.fields > 0 => {
                 let (across, along) = (field.cross(&down).norm(), field.dot(&down));
                 // Where the field dips, a tilt turns its horizontal part.
-                let sigma = HEADING_SIGMA.hypot(tilt_sigma * along / across);
+                let off = (field_off * field.norm()).hypot(tilt_sigma * along) / across;
+                let sigma = HEADING_SIGMA.hypot(off);
                 (east.cross(&down), Some(sigma.min(1.0)))
             }
             _ => (any_across(&down), None),
@@ -106,9 +116,12 @@ impl Start {
             let now = crate::attitude::Euler::from_quaternion(&attitude).heading;
             attitude = exp(&Vector3::new(0.0, 0.0, heading - now)) * attitude;
         }
+        let quiet = scatter < settings.rest.accel_scatter;
+        let length_off = (mean.norm() - settings.gravity).abs() - GRAVITY_RANGE;
         Some(Level {
             attitude,
             tilt_sigma,
+            length_off: if quiet { length_off.max(0.0) } else { 0.0 },
             field: field_sigma.map(|sigma| (level * field, sigma)),
         })
     }
@@ -146,7 +159,7 @@ mod tests {
                 start.field(&(q.conjugate() * Vector3::new(20.0, 0.0, 45.0)));
             }
         }
-        (start.level(&AhrsSettings::default(), 0.7).unwrap(), q)
+        (start.level(&AhrsSettings::default(), 0.7, 0.02).unwrap(), q)
     }
 
     #[test]

@@ -473,6 +473,26 @@ pub struct NoiseConfig {
 }
 
 impl NoiseConfig {
+    /// These numbers, and where there is none that of `other`.
+    pub fn or(&self, other: &NoiseConfig) -> NoiseConfig {
+        NoiseConfig {
+            gyro_arw_deg_per_sqrt_hour: self
+                .gyro_arw_deg_per_sqrt_hour
+                .or(other.gyro_arw_deg_per_sqrt_hour),
+            accel_vrw_m_per_s_per_sqrt_hour: self
+                .accel_vrw_m_per_s_per_sqrt_hour
+                .or(other.accel_vrw_m_per_s_per_sqrt_hour),
+            gyro_bias_deg_per_hour: self.gyro_bias_deg_per_hour.or(other.gyro_bias_deg_per_hour),
+            accel_bias_mg: self.accel_bias_mg.or(other.accel_bias_mg),
+            gyro_bias_tau_s: self.gyro_bias_tau_s.or(other.gyro_bias_tau_s),
+            accel_bias_tau_s: self.accel_bias_tau_s.or(other.accel_bias_tau_s),
+            magnetometer_microtesla: self
+                .magnetometer_microtesla
+                .or(other.magnetometer_microtesla),
+            adapt: self.adapt,
+        }
+    }
+
     /// The noise of a grade with these overrides.
     pub fn over(&self, grade: ImuGrade) -> ImuNoise {
         let class = grade.noise();

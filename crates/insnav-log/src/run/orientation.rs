@@ -1,8 +1,10 @@
 //! The orientation of a log: its noise, the attitude filter, and what to tell of both.
 
+use super::Withhold;
 use super::error::RunError;
 use super::noise::{NoiseRequest, identify_log_noise};
 use super::noise_readings::noise_readings;
+use super::oddities::{findings_of, refuse_fatal};
 use super::report::Warning;
 use super::source::Source;
 use super::survey::Survey;
@@ -22,6 +24,14 @@ use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
 
+/// A carrier faster than this keeps its velocity for longer than a hand does, m/s,
+const FAST: f64 = 2.0;
+/// for so long, s.
+const FAST_TAU: f64 = 2.0;
+/// Share of the field that calibration does not leave in a magnetometer.
+const LARGE_OFFSET: f64 = 0.1;
+/// Changes of the field per second that no surroundings make.
+const MANY_CHANGES: f64 = 0.1;
 /// A magnetometer that states no noise has this share of the field's length; no attitude filter gains by believing in less.
 const LEAST_FIELD_NOISE: f64 = 1e-3;
 
@@ -56,6 +66,8 @@ pub struct OrientationRequest {
     pub gyro_range: GyroRange,
     /// Use the whole log for every instant, in place of what was before it.
     pub smooth: bool,
+    /// How fast the carrier goes about, standard deviation in m/s; `None`: as a hand does.
+    pub carrier_speed: Option<f64>,
 }
 
 /// The noise that was used.
@@ -137,6 +149,10 @@ pub struct OrientationReport {
     pub gyro_bias_deg_per_s: [f64; 3],
     /// Delay of the magnetometer behind the gyros, and its standard deviation.
     pub magnetometer_delay_s: Option<[f64; 2]>,
+    /// Field that turns with the body (hard iron) at the end, as a share of the field.
+    pub magnetometer_offset_share: Option<f64>,
+    /// How often the field became another one.
+    pub field_changes: u32,
     /// The orientation at the end.
     #[serde(rename = "final")]
     pub last: Option<FinalOrientation>,
@@ -174,6 +190,11 @@ impl OrientationPlan {
         config.validate().map_err(RunError::from)?;
         let survey = Survey::of(source)?;
         let (first, last) = survey.imu_span.ok_or(RunError::NoImu)?;
+        let origin = source.origin()?.unwrap_or(first);
+        // Rates in degrees, forces in g, gravity upside down: an orientation from such data is nonsense.
+        let facts = source.facts()?;
+        let found = findings_of(&facts, &survey, config, origin, &Withhold::default());
+        refuse_fatal(&found)?;
         let mut warnings = Vec::new();
         let grade = config.imu.grade.unwrap_or_else(|| {
             let floor = survey.noise_floor.as_ref();
@@ -185,7 +206,9 @@ impl OrientationPlan {
         if request.noise == OrientationNoise::Identified {
             match identify_log_noise(source, config, &NoiseRequest::default()) {
                 Ok(found) => {
-                    stated = parse_config(&found.config, "the log's own noise", &[])?.noise;
+                    let own = parse_config(&found.config, "the log's own noise", &[])?.noise;
+                    // Who states a number knows better.
+                    stated = stated.or(&own);
                     from = "log";
                     block = Some(found.config);
                 }
@@ -205,6 +228,17 @@ impl OrientationPlan {
             noise,
             ..AhrsSettings::default()
         };
+        if config.noise.accel_bias_mg.is_some() {
+            settings.accel_bias_sigma = noise.accel_bias_sigma;
+        }
+        if let Some(speed) = request.carrier_speed {
+            settings.velocity_sigma = speed;
+            settings.velocity_tau = if speed > FAST {
+                FAST_TAU
+            } else {
+                settings.velocity_tau
+            };
+        }
         let length = survey.field_sum / survey.fields.max(1) as f64;
         let rate = survey.fields as f64 / last.since(first).max(f64::MIN_POSITIVE);
         if let Some(microtesla) = stated.magnetometer_microtesla
@@ -214,6 +248,16 @@ impl OrientationPlan {
             let independent = (settings.field.rate_hz / rate).min(1.0).sqrt();
             let sigma = microtesla * 1e-6 / length * independent;
             settings.field.sigma = sigma.max(LEAST_FIELD_NOISE);
+        }
+        if survey.zero_fields > 0 {
+            warnings.push(Warning {
+                code: "magnetometer_zero",
+                message: format!(
+                    "{} magnetic fields are zero, which says nothing: they are left out",
+                    survey.zero_fields
+                ),
+                remedy: "check the magnetometer and its driver, or leave it out: `--topic magnetometer=none`".into(),
+            });
         }
         let samples = inertial(source)?;
         settings.gyro_range = match request.gyro_range {
@@ -239,7 +283,7 @@ impl OrientationPlan {
             request,
             declination: config.alignment.declination_deg.map(f64::to_radians),
             fields: survey.fields,
-            origin: source.origin()?.unwrap_or(first),
+            origin,
             planning_s: begin.elapsed().as_secs_f64(),
         })
     }
@@ -279,7 +323,7 @@ impl OrientationPlan {
     ) -> Result<OrientationReport, RunError> {
         let begin = Instant::now();
         let mut tally = Tally::new(self);
-        let delay;
+        let magnetometer;
         if self.request.smooth {
             let mut smoother = Smoother::new(self.settings)?;
             let mut measured = VecDeque::new();
@@ -289,7 +333,7 @@ impl OrientationPlan {
                 }
                 Ok(())
             })?;
-            delay = smoother.filter().magnetometer_delay();
+            magnetometer = Magnetometer::of(smoother.filter());
             for (epoch, sample) in smoother.finish().iter().zip(measured) {
                 each(&tally.take(epoch, &sample))?;
             }
@@ -304,10 +348,10 @@ impl OrientationPlan {
                     None => Ok(()),
                 },
             )?;
-            delay = filter.magnetometer_delay();
+            magnetometer = Magnetometer::of(&filter);
         }
         let elapsed_s = begin.elapsed().as_secs_f64() + self.planning_s;
-        Ok(tally.report(self, delay, elapsed_s))
+        Ok(tally.report(self, magnetometer, elapsed_s))
     }
 }
 
@@ -353,9 +397,11 @@ fn drive(
             }
             Sample::Imu(sample) => sample,
             Sample::ImuIncrement(increment) => {
-                let step = last.map(|last| increment.time.since(last));
                 // The interval of the first one is not known.
-                let rate = 1.0 / step.unwrap_or(f64::NAN);
+                let Some(last) = last.replace(increment.time) else {
+                    continue;
+                };
+                let rate = 1.0 / increment.time.since(last);
                 ImuSample {
                     time: increment.time,
                     angular_rate_b: increment.angle_b * rate,
@@ -378,6 +424,43 @@ fn drive(
         last = last.max(Some(sample.time));
     }
     Ok(())
+}
+
+/// What the filter found of the magnetometer.
+#[derive(Clone, Copy)]
+struct Magnetometer {
+    delay_s: [f64; 2],
+    offset_share: f64,
+    changes: u32,
+}
+
+impl Magnetometer {
+    fn of(filter: &Ahrs) -> Option<Self> {
+        let (delay, sigma) = filter.magnetometer_delay()?;
+        Some(Magnetometer {
+            delay_s: [delay, sigma],
+            offset_share: filter.magnetometer_offset_share()?,
+            changes: filter.field_changes(),
+        })
+    }
+
+    /// A magnetometer whose field does not turn as the body does: headings by it are worth less than they state.
+    fn doubt(&self, duration: f64) -> Option<Warning> {
+        let often = f64::from(self.changes) > (MANY_CHANGES * duration).max(10.0);
+        let large = self.offset_share > LARGE_OFFSET;
+        (often || large).then(|| Warning {
+            code: "magnetometer_doubtful",
+            message: format!(
+                "the field that turns with the body is {:.0} % of the field, and the field became another one {} times: \
+                 headings may be off by more than they state",
+                1e2 * self.offset_share,
+                self.changes
+            ),
+            remedy: "calibrate the magnetometer (hard iron), check that its axes are those of the gyros, or leave it out: \
+                     `--topic magnetometer=none`"
+                .into(),
+        })
+    }
 }
 
 /// What is counted on the way.
@@ -415,7 +498,7 @@ impl Tally {
     /// An orientation of the filter against the north that is asked for.
     fn take(&mut self, epoch: &AhrsEpoch, sample: &ImuSample) -> OrientationEpoch {
         let mut epoch = *epoch;
-        if let Some((turn, matrix)) = self.to_north {
+        if let Some((turn, matrix)) = self.to_north.filter(|_| epoch.magnetic) {
             epoch.attitude = turn * epoch.attitude;
             epoch.covariance = matrix * epoch.covariance * matrix.transpose();
         }
@@ -438,7 +521,7 @@ impl Tally {
     fn report(
         self,
         plan: &OrientationPlan,
-        delay: Option<(f64, f64)>,
+        magnetometer: Option<Magnetometer>,
         elapsed_s: f64,
     ) -> OrientationReport {
         let mut warnings = plan.warnings.clone();
@@ -463,11 +546,13 @@ impl Tally {
                 remedy: "give a longer log; `insnav info` tells its gaps".into(),
             });
         }
+        let duration = self.span.map_or(0.0, |(begin, end)| end.since(begin));
+        warnings.extend(magnetometer.and_then(|m| m.doubt(duration)));
         OrientationReport {
             imu_samples: self.samples,
             dropped: self.dropped,
             magnetic_fields: self.fields,
-            duration_s: self.span.map_or(0.0, |(begin, end)| end.since(begin)),
+            duration_s: duration,
             elapsed_s,
             smoothed: plan.request.smooth,
             heading_reference: plan.heading_reference(),
@@ -479,13 +564,12 @@ impl Tally {
             gyro_bias_deg_per_s: self
                 .last
                 .map_or([0.0; 3], |e| e.gyro_bias.map(f64::to_degrees).into()),
-            magnetometer_delay_s: delay.map(|(delay, sigma)| [delay, sigma]),
+            magnetometer_delay_s: magnetometer.map(|m| m.delay_s),
+            magnetometer_offset_share: magnetometer.map(|m| m.offset_share),
+            field_changes: magnetometer.map_or(0, |m| m.changes),
             last: self.last.map(|epoch| {
                 let angles = Euler::from_quaternion(&epoch.attitude);
-                let sigma = epoch
-                    .covariance
-                    .diagonal()
-                    .map(|v| v.max(0.0).sqrt().to_degrees());
+                let sigma = epoch.covariance.diagonal().map(|v| v.sqrt().to_degrees());
                 FinalOrientation {
                     roll_deg: angles.roll.to_degrees(),
                     pitch_deg: angles.pitch.to_degrees(),

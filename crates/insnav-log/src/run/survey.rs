@@ -27,6 +27,8 @@ pub struct Survey {
     /// Magnetic fields, and the sum of their lengths, T.
     pub fields: usize,
     pub(crate) field_sum: f64,
+    /// Magnetic fields of length zero, which say nothing.
+    pub(crate) zero_fields: usize,
     /// Speeds of wheels that are NaN or infinite, which nobody gets to see.
     pub speeds_not_finite: u64,
     /// When the first of them was.
@@ -73,8 +75,11 @@ impl Survey {
                 Sample::Speed(_) => survey.speeds += 1,
                 Sample::Heading(_) => {}
                 Sample::Magnetic(field) => {
-                    survey.fields += 1;
-                    survey.field_sum += field.field_b.norm();
+                    // A field of zero is no field: a sensor that is absent or broken.
+                    let length = field.field_b.norm();
+                    survey.fields += usize::from(length > 0.0);
+                    survey.zero_fields += usize::from(length == 0.0);
+                    survey.field_sum += length;
                 }
             }
         }
