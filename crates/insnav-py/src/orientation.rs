@@ -37,6 +37,9 @@ use pyo3::types::{PyDict, PyString};
 ///     Settings as of :func:`insnav.run`: ``imu.grade``, ``noise``, ``imu.mounting_rpy_deg``, ``alignment.declination_deg``.
 /// gyro_range_deg_per_s : float, None or "auto", default "auto"
 ///     Where the gyros' range ends; ``None``: nowhere; ``"auto"``: where the record shows it.
+/// carrier_speed_m_per_s : float, optional
+///     How fast the carrier goes about, one sigma; 1 for hands (the default), 8 for cars, whose long accelerations look like
+///     tilts otherwise.
 ///
 /// Returns
 /// -------
@@ -54,8 +57,8 @@ use pyo3::types::{PyDict, PyString};
 ///     Data that look wrong, noise that the record does not tell; all warnings are in ``summary["warnings"]`` too.
 #[pyfunction]
 #[pyo3(
-    signature = (t, gyro, accel, mag=None, *, smooth=false, noise="auto", config=None, gyro_range_deg_per_s=Range::AUTO),
-    text_signature = "(t, gyro, accel, mag=None, *, smooth=False, noise='auto', config=None, gyro_range_deg_per_s='auto')"
+    signature = (t, gyro, accel, mag=None, *, smooth=false, noise="auto", config=None, gyro_range_deg_per_s=Range::AUTO, carrier_speed_m_per_s=None),
+    text_signature = "(t, gyro, accel, mag=None, *, smooth=False, noise='auto', config=None, gyro_range_deg_per_s='auto', carrier_speed_m_per_s=None)"
 )]
 // One argument each of the Python function.
 #[allow(clippy::too_many_arguments)]
@@ -68,6 +71,7 @@ pub(crate) fn ahrs<'py>(
     noise: &str,
     config: Option<&Bound<'py, PyAny>>,
     gyro_range_deg_per_s: Option<Range>,
+    carrier_speed_m_per_s: Option<f64>,
 ) -> PyResult<Orientation> {
     let py = t.py();
     let fail = |e: Failure| e.into_py_err(py);
@@ -88,6 +92,7 @@ pub(crate) fn ahrs<'py>(
         },
         gyro_range: gyro_range_deg_per_s.map_or(GyroRange::Unlimited, |r| r.0),
         smooth,
+        carrier_speed: carrier_speed_m_per_s,
     };
     let source = inertial_and_magnetic(t, gyro, accel, mag, &config).map_err(fail)?;
     let (epochs, report) = py

@@ -115,6 +115,7 @@ def ahrs(
     noise: Literal["auto", "datasheet"] = "auto",
     config: _Config | None = None,
     gyro_range_deg_per_s: float | Literal["auto"] | None = "auto",
+    carrier_speed_m_per_s: float | None = None,
 ) -> Orientation: ...
 @final
 class Orientation:

@@ -64,7 +64,7 @@ impl Estimate {
     pub fn not_identified(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.theta.len()).filter(|i| {
             matches!(self.verdicts[*i], Verdict::Estimated | Verdict::OnBound)
-                && self.standard_errors[*i] >= self.theta[*i]
+                && self.standard_errors[*i] >= self.theta[*i].abs()
         })
     }
 }
