@@ -175,7 +175,12 @@ mod tests {
             let off = table.covariance_n[i].unwrap() - covariance_n;
             assert!(off.norm() < 1e-18, "{off}");
         }
-        // A recording, too: its rates are those of the body.
+        // A recording, too, for whom names it: its rates are those of the body.
+        let named = ReadOptions {
+            topics: vec![(crate::topics::Role::Imu, "/insnav/imu".into())],
+            ..ReadOptions::default()
+        };
+        let log = Log::open(&path, named).unwrap();
         let sample = log.samples().unwrap().next().unwrap().unwrap();
         let insnav_core::sample::Sample::Imu(imu) = sample else {
             panic!("{sample:?}");
