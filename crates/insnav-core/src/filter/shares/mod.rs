@@ -3,7 +3,8 @@
 //!
 //! P = P_known + Σ θᵢ Pᵢ with θ = 1 for what the filter believes: an identity as long as everything that is done to P is done to
 //! the parts as well. Of a measurement with gain K, (I − KH) Pᵢ (I − KH)ᵀ + K Rᵢ Kᵀ holds for any gain, a Schmidt update's or one
-//! that weighs down what comes too often among them.
+//! that weighs down what comes too often among them. There the parts take the noise of one measurement alone, so that their sum is
+//! the covariance that the errors have, and less than the filter's P, which is widened on purpose.
 
 mod past;
 
