@@ -228,7 +228,8 @@ impl OrientationPlan {
             noise,
             ..AhrsSettings::default()
         };
-        if config.noise.accel_bias_mg.is_some() {
+        // Units that give orientations are calibrated, unless somebody says what they are.
+        if config.noise.accel_bias_mg.is_some() || config.imu.grade.is_some() {
             settings.accel_bias_sigma = noise.accel_bias_sigma;
         }
         if let Some(speed) = request.carrier_speed {
