@@ -10,13 +10,15 @@ use nalgebra::{Matrix3, Vector3};
 /// Error dynamics over an interval: what attitude and velocity take up, what of a disturbance is left.
 ///
 /// ```text
-/// θ₊ = θ − ∫C dt b_g        v₊ = v − (∫C f dt)× θ − ∫C dt b_a        d₊ = ρ d
+/// θ₊ = θ − ∫C dt b_g        v₊ = v + (g t)× θ − ∫C dt b_a        d₊ = ρ d
 /// ```
+///
+/// Velocity errors see gravity alone, not the force that was measured: a carrier's acceleration would seem to tell the heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Propagation {
     /// ∫C dt, s.
     pub(super) turned: Matrix3<f64>,
-    /// ∫C f dt, m/s.
+    /// Force of a body at rest over the interval, −g t, m/s.
     pub(super) pushed: Vector3<f64>,
     /// What is left of the disturbance, ρ.
     pub(super) disturbance_left: f64,
@@ -117,5 +119,57 @@ mod tests {
         propagation.apply(&mut got);
         assert!((got - expected).amax() < 1e-12);
         assert_eq!(got, got.transpose());
+    }
+
+    /// Attitude and velocity of a body that turns at rest, by the nominal integration, against Φ: central differences.
+    #[test]
+    fn phi_is_the_derivative_of_the_integration() {
+        use super::super::state::State;
+        use crate::attitude::exp;
+        let (step, gravity, turns) = (0.002, 9.81, 20);
+        let rate = Vector3::new(0.4, -0.7, 0.9);
+        let from = State::at(exp(&Vector3::new(0.3, -0.2, 1.2)));
+        let attitude = |k: f64| from.attitude * exp(&(rate * (step * k)));
+        let run = |start: State| {
+            let (mut end, mut turned) = (start, Matrix3::zeros());
+            for k in 0..turns {
+                let force =
+                    attitude(f64::from(k) + 0.5).conjugate() * Vector3::new(0.0, 0.0, -gravity);
+                let turn = (rate - end.gyro_bias) * step;
+                let middle = end.attitude * exp(&(turn * 0.5));
+                turned += middle.to_rotation_matrix().into_inner() * step;
+                end.velocity +=
+                    (middle * (force - end.accel_bias) + Vector3::new(0.0, 0.0, gravity)) * step;
+                end.attitude *= exp(&turn);
+            }
+            (end, turned)
+        };
+        let (end, turned) = run(from);
+        let time = step * f64::from(turns);
+        let propagation = Propagation {
+            turned,
+            pushed: Vector3::new(0.0, 0.0, -gravity * time),
+            disturbance_left: 1.0,
+            noise: Errors::zeros(),
+            unseen_turn: Matrix3::zeros(),
+        };
+        let mut phi = Covariance::identity();
+        propagation.rows(&mut phi);
+        let by = 1e-5;
+        for j in 0..FIELD {
+            let beside = |by: f64| {
+                let mut errors = Errors::zeros();
+                errors[j] = by;
+                run(from.corrected(&errors)).0.less(&end)
+            };
+            let slope = (beside(by) - beside(-by)) / (2.0 * by);
+            // A bias tilts the axes by half of b t meanwhile, which Φ leaves out: g t²/2.
+            let left_out = if (GYRO_BIAS..VELOCITY).contains(&j) {
+                0.6 * gravity * time * time
+            } else {
+                1e-7
+            };
+            assert!((slope - phi.column(j)).amax() < left_out, "state {j}");
+        }
     }
 }
