@@ -18,6 +18,7 @@ endif
 ifeq ($(CI),true)
 LOCKED := --locked
 export CARGO_INCREMENTAL ?= 0
+export CARGO_PROFILE_DEV_DEBUG ?= 0
 export CARGO_TERM_COLOR ?= never
 endif
 
@@ -41,7 +42,9 @@ help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 .PHONY: test
-test: begin format clippy docs rust no-std python validators ## Check everything: format, lints, docs, Rust, no_std, wheel, Python, foreign readers
+# The wheel as its users get it.
+test: PROFILE ?= release
+test: begin format clippy docs rust no-std python docs-python examples clean-python validators ## Check everything: format, lints, docs, Rust, no_std, wheel, Python and its examples, foreign readers
 	@printf '\n== Result\n'
 	@if [ -s $(SKIPS) ]; then cat $(SKIPS); echo "make test: all checks that ran passed, $$(wc -l <$(SKIPS) | tr -d ' ') skipped"; \
 	else echo "make test: all checks passed"; fi
@@ -78,17 +81,17 @@ long: ## Every Rust test with the full number of simulated runs, and the bench o
 	INSNAV_LONG=1 $(CARGO) test $(LOCKED) --no-fail-fast
 	$(CARGO) bench $(LOCKED) --bench standing
 
-# The host check proves that nothing asks for `std` features; only the bare-metal one proves that nothing links `std`.
+# The host proves only that nothing asks for `std` features; bare metal proves that nothing links `std` too.
 .PHONY: no-std
 no-std: begin ## The core builds without std, for a microcontroller where its target can be had
 	$(call step,Core without std)
-	$(CARGO) build $(LOCKED) -p insnav-core --no-default-features --features libm
-	$(CARGO) build $(LOCKED) -p insnav --no-default-features --features libm
-	@if rustc --print target-libdir --target $(EMBEDDED) 2>/dev/null | xargs -I{} test -d {} \
-	    || timeout 120 rustup target add $(EMBEDDED); then \
-	    echo "$(CARGO) build -p insnav-core --target $(EMBEDDED)"; \
-	    $(CARGO) build $(LOCKED) -p insnav-core --no-default-features --features libm --target $(EMBEDDED); \
-	else $(call skip,core for $(EMBEDDED),the target is not installed and cannot be fetched); fi
+	@target="--target $(EMBEDDED)"; \
+	if ! rustc --print target-libdir --target $(EMBEDDED) 2>/dev/null | xargs -I{} test -d {} \
+	    && ! timeout 120 rustup target add $(EMBEDDED); then \
+	    target=""; $(call skip,core for $(EMBEDDED),the target is not installed and cannot be fetched); fi; \
+	for crate in insnav-core insnav; do \
+	    echo "$(CARGO) build -p $$crate --no-default-features --features libm $$target"; \
+	    $(CARGO) build $(LOCKED) -p $$crate --no-default-features --features libm $$target || exit 1; done
 
 .PHONY: venv
 venv:
@@ -101,17 +104,40 @@ wheel: venv ## Build and install the Python wheel into .venv (as fast to build a
 	cd python && ../.venv/bin/maturin build $(LOCKED) --profile $(or $(PROFILE),dev) -i ../$(VENV_PYTHON) -o ../$(OUT)/wheel
 	$(VENV_PYTHON) -m pip install --disable-pip-version-check --quiet --no-deps --force-reinstall $(OUT)/wheel/*.whl
 
-# The command beside the wheel: tests hold one against the other.
+# The command and a program on the Rust API, which the wheel is held against; with the features that the Rust tests have built already.
 .PHONY: command
 command:
-	$(CARGO) build $(LOCKED) -p insnav-cli
+	$(CARGO) build $(LOCKED) --bin insnav --example run_log
 
 .PHONY: python
 python: wheel command ## Python tests and types, on the wheel
 	$(call step,Python tests)
 	cd python && INSNAV_COMMAND=$(abspath target/debug/insnav) ../$(VENV_PYTHON) -m pytest
 	cd python && ../$(VENV_PYTHON) -m mypy
-	cd python && ../$(VENV_PYTHON) -m mypy.stubtest insnav._insnav
+	cd python && ../$(VENV_PYTHON) -m mypy.stubtest insnav._insnav insnav_command
+
+# Warnings are errors, but that of a key without a line of its own in the source.
+.PHONY: docs-python
+docs-python: wheel ## Documentation of the Python package, in target/check/docs-python
+	$(call step,Python documentation)
+	@rm -rf $(OUT)/docs-python
+	cd python && ../$(VENV_PYTHON) -W error -W "ignore:Cannot determine where" -m pdoc --docformat numpy -o ../$(OUT)/docs-python insnav
+
+.PHONY: examples
+examples: wheel ## Every Python example runs, and its notebook is that of its script
+	$(call step,Python examples)
+	$(VENV_PYTHON) python/examples/run.py --skips $(SKIPS)
+
+.PHONY: notebooks
+notebooks: venv ## Write the notebooks of the Python examples anew
+	$(VENV_PYTHON) python/examples/run.py --write
+
+.PHONY: clean-python
+clean-python: wheel ## The wheel in an environment with nothing but numpy: size, command, tests
+	$(call step,Python with nothing but numpy)
+	@status=0; .ci/clean-python $(OUT)/wheel/*.whl $(OUT)/clean-python || status=$$?; \
+	if [ $$status = 75 ] && [ "$(CI)" != true ]; then $(call skip,Python with nothing but numpy,the package index cannot be reached); exit 0; fi; \
+	exit $$status
 
 .PHONY: validators
 validators: command ## Solutions are read by other programs: mcap, rosbags, evo, rerun

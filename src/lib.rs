@@ -3,6 +3,8 @@
 //! This is a façade: everything numerical lives in [`insnav_core`], everything that reads or writes a log in [`log`]
 //! (feature `log`, on by default). Conventions (frames, signs, units) are stated once, in CONVENTIONS.md.
 
+#![cfg_attr(not(feature = "std"), no_std)]
+
 pub use insnav_core::*;
 
 #[cfg(feature = "log")]

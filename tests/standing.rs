@@ -5,7 +5,7 @@ use insnav::config::{
     Bookkeeping, GnssConfig, HeadingRateGain, HeadingRow, SigmaScale, StandingForce,
     StationaryConfig,
 };
-use insnav::earth::{Geodetic, LocalEarth};
+use insnav::earth::{Geodetic, LocalEarth, earth_rate_n};
 use insnav::filter::{
     ACCEL_SCALE, ATTITUDE, BASE, CAPACITY, Calibration, Eskf, GNSS_COLOUR, GYRO_BIAS, GYRO_SCALE,
     Gate, HELD_HEADING, InitialSigma, LEVER_ARM, Layout, Measurement, Nominal, Process,
@@ -109,6 +109,12 @@ fn every_model_has_the_derivatives_of_its_residual() {
             dt: 0.01,
             gain: HeadingRateGain::Correlated,
         };
+        // Its H is that of a body at rest: the noise of a rate is no rate.
+        let earth = earth_rate_n(at.nav.position.latitude);
+        let resting = Nominal {
+            rate_b: at.nav.q_nb.inverse_transform_vector(&earth),
+            ..at
+        };
         let means = StandingForceModel {
             specific_force_b: source.normal3() * 10.0,
             variance: 1e-4,
@@ -117,10 +123,11 @@ fn every_model_has_the_derivatives_of_its_residual() {
             angular_rate_b: source.normal3() * 0.01,
             variance: Vector3::from_element(1e-8),
             earth_rate_tells: true,
+            by_heading: Vector3::zeros(),
         };
         let all = [
             zero,
-            misfit(&rate, &at, &layout),
+            misfit(&rate, &resting, &layout),
             misfit(&means, &at, &layout),
             misfit(&rates, &at, &layout),
         ];

@@ -5,11 +5,15 @@ mod at_rest;
 
 use at_rest::{AtRest, declared, gyro_bias_sigma, run, sigma};
 use insnav::attitude::wrap_angle;
-use insnav::config::StationaryMode;
-use insnav::filter::InitialSigma;
+use insnav::config::{StandingForce, StationaryMode};
+use insnav::earth::{Geodetic, LocalEarth};
+use insnav::filter::{Eskf, Gate, InitialSigma};
 use insnav::imu::{ImuErrors, ImuGrade, ImuNoise};
+use insnav::measurement::ZeroVelocityModel;
+use insnav::mechanization::{Increment, NavState};
 use insnav::sim::{Source, Stream};
-use nalgebra::Vector3;
+use insnav::time::Time;
+use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 const SEEDS: u64 = 20;
 
@@ -95,4 +99,73 @@ fn no_mode_grows_sure_of_an_unknown_heading() {
     let (heading, _, least, _) = nees(StationaryMode::Off, industrial, 104.0);
     println!("off: NEES of heading {heading:.2}, sigma at least {least:.1}°");
     assert!(least < 80.0, "{least}°");
+}
+
+/// Standard deviation of the heading, rad, of a level body that looks north, after ten minutes of zero velocities.
+fn after_standing(gyro_bias_sigma: Vector3<f64>, tied: bool) -> f64 {
+    let nav = NavState {
+        time: Time(0),
+        position: Geodetic::from_degrees(50.0, 14.0, 250.0),
+        velocity_n: Vector3::zeros(),
+        q_nb: UnitQuaternion::identity(),
+    };
+    let sigma = InitialSigma {
+        gyro_bias: gyro_bias_sigma,
+        attitude: Vector3::new(1e-2, 1e-2, 1.0),
+        ..sigma(57.3)
+    };
+    let mut noise = ImuGrade::Navigation.noise();
+    // Biases that stay, so that what is left of them can be told beforehand.
+    (noise.gyro_bias_tau, noise.gyro_bias_sigma) = (1e9, 1e-9);
+    let mut filter = Eskf::new(nav, ImuErrors::default(), &sigma, noise);
+    let earth = LocalEarth::at(&nav.position);
+    if tied {
+        // A bias found at rest: wrong by what the heading makes of the Earth's rate, and by what it was.
+        let bias_by_attitude = -insnav::attitude::skew(&earth.earth_rate_n());
+        let mut l = SMatrix::<f64, 9, 9>::identity();
+        l.fixed_view_mut::<3, 3>(3, 0).copy_from(&bias_by_attitude);
+        let scale = SMatrix::<f64, 9, 1>::from_fn(|i, _| match i {
+            0..3 => sigma.attitude[i],
+            3..6 => gyro_bias_sigma[i - 3],
+            _ => sigma.accel_bias[i - 6],
+        });
+        let scaled = l * SMatrix::<f64, 9, 9>::from_diagonal(&scale);
+        filter.set_joint_prior(&(scaled * scaled.transpose()));
+    }
+    let (dt, model) = (0.1, ZeroVelocityModel { sigma: 1e-3 });
+    for k in 1..=6000 {
+        let raw = Increment {
+            time: Time(100_000_000 * k),
+            dt,
+            rotation_b: earth.earth_rate_n() * dt,
+            velocity_b: Vector3::new(0.0, 0.0, -earth.gravity() * dt),
+        };
+        filter.propagate_standing(&raw, StandingForce::Gravity);
+        filter
+            .update(&model, raw.time, &mut Gate::lenient())
+            .expect("a covariance");
+    }
+    filter.base_covariance()[(8, 8)].sqrt()
+}
+
+/// What a level that stays tells of north: the heading turns the Earth's rate into a drift about east, and so does the gyro bias there. Which
+/// of both it is, their priors say, 1/√(1 + (Ω_N/σ_b)²); nothing, where the bias was found at rest. The gyro about Down has no part in it.
+#[test]
+fn a_level_that_stays_tells_of_north_what_the_biases_leave() {
+    let rate = 15.0 * std::f64::consts::PI / 180.0 / 3600.0;
+    let north = LocalEarth::at(&Geodetic::from_degrees(50.0, 14.0, 250.0))
+        .earth_rate_n()
+        .x;
+    for level in [15.0, 4.0] {
+        for down in [15.0, 1.0] {
+            let bias = Vector3::new(level, level, down) * (rate / 15.0);
+            let expected = (1.0 + (north / bias.x).powi(2)).sqrt().recip();
+            let (loose, tied) = (after_standing(bias, false), after_standing(bias, true));
+            println!(
+                "{level} and {down} °/h: {loose:.4} rad (expected {expected:.4}), tied {tied:.4} rad"
+            );
+            assert!((loose / expected - 1.0).abs() < 0.01, "{loose} {expected}");
+            assert!((tied - 1.0).abs() < 0.01, "{tied}");
+        }
+    }
 }

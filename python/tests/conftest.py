@@ -26,3 +26,12 @@ def command() -> Path:
     if not path.is_file():
         pytest.skip(f"no command at {path}: cargo build -p insnav-cli")
     return path
+
+
+@pytest.fixture(scope="session")
+def rust_example(command: Path) -> Path:
+    """The example `run_log`, which uses the Rust API, built beside the command."""
+    path = command.parent / "examples" / "run_log"
+    if not path.is_file():
+        pytest.skip(f"no example at {path}: cargo build --example run_log")
+    return path

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import datetime as dt
 import pickle
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,9 +40,10 @@ XYZ = np.zeros((5, 3))
     ],
 )
 def test_names_the_argument_and_what_was_expected(arrays: Any, code: str, words: list[str]) -> None:
-    with pytest.raises(insnav.InsnavError) as caught:
+    with pytest.raises(insnav.ArgumentError) as caught:
         insnav.run(arrays)
     assert caught.value.code == code
+    assert caught.value.argument and caught.value.received and caught.value.expected
     for word in words:
         assert word in str(caught.value)
 
@@ -65,7 +70,7 @@ def test_refuses_other_types(log: Any) -> None:
     ],
 )
 def test_names_the_key_of_a_bad_setting(config: Any, words: list[str]) -> None:
-    with pytest.raises(insnav.InsnavError) as caught:
+    with pytest.raises(insnav.ConfigError) as caught:
         insnav.run(drive(5.0).arrays(np.random.default_rng(0)), config)
     for word in words:
         assert word in str(caught.value)
@@ -89,13 +94,182 @@ def test_none_and_numpy_are_settings_too() -> None:
     assert np.array_equal(plain.latitude_deg, other.latitude_deg)
 
 
-def test_the_exception_can_be_pickled() -> None:
+def test_the_attributes_say_what_the_message_says() -> None:
+    with pytest.raises(insnav.ArgumentError) as caught:
+        insnav.run({"imu": (T, XYZ, XYZ[:4])})
+    error = caught.value
+    assert (error.argument, error.received, error.expected) == ("imu: specific_force_b_m_per_s2", "shape (4, 3)", "(5, 3)")
+    assert error.message == f"{error.argument}: {error.received}, expected {error.expected}"
+    assert error.time_s is None and error.time_ns is None and error.measurement is None
+    with pytest.raises(insnav.ArgumentError) as caught:
+        insnav.run({"imu": ([0, 1, 2, 1.5, 4], XYZ, XYZ)})
+    assert caught.value.time_ns == 1_500_000_000
+
+
+def bad_argument() -> None:
+    insnav.run({"imu": (T, XYZ, XYZ[:1])})
+
+
+def bad_config() -> None:
+    insnav.run({}, {"gnss": {"lever_arm": 0}})
+
+
+def bad_file(path: Path) -> None:
+    insnav.run(path / "nowhere.mcap")
+
+
+def no_rest() -> None:
+    """Without GNSS a run begins at rest: this one turns from the first sample on."""
+    t = np.arange(0, 20, 0.01)
+    turning = np.column_stack([0.3 * np.sin(t), 0.2 * np.cos(3 * t), np.full(len(t), 0.2)])
+    insnav.run({"imu": (t, turning, turning * 3 - [0, 0, 9.81])}, imu_only=True)
+
+
+def no_data() -> None:
+    insnav.run({"gnss_position": (T, XYZ)})
+
+
+def unidentifiable() -> None:
+    """Two process noises that enter at the same place: no record tells one from the other."""
+    nu = np.random.default_rng(0).standard_normal(5000)
+    insnav.noise.als_estimate(nu, [[0.9]], [[1.0, 1.0]], [[1.0]], [1.0, 1.0, 1.0], lags=20)
+
+
+@pytest.mark.parametrize(
+    ("error", "cause"),
+    [
+        (insnav.ArgumentError, bad_argument),
+        (insnav.ConfigError, bad_config),
+        (insnav.AlignmentError, no_rest),
+        (insnav.NavigationError, no_data),
+        (insnav.IdentificationError, unidentifiable),
+    ],
+)
+def test_the_class_says_what_is_wrong(error: type[insnav.InsnavError], cause: Any) -> None:
     with pytest.raises(insnav.InsnavError) as caught:
-        insnav.run({"imu": (T, XYZ, XYZ[:1])})
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert (again.code, again.message, again.remedy, str(again)) == (
-        caught.value.code,
-        caught.value.message,
-        caught.value.remedy,
-        str(caught.value),
-    )
+        cause()
+    assert type(caught.value) is error
+    assert isinstance(caught.value, ValueError)
+    assert caught.value.code != "error" and caught.value.message and "`--" not in caught.value.remedy
+    same(caught.value, pickle.loads(pickle.dumps(caught.value)))
+    same(caught.value, copy.deepcopy(caught.value))
+
+
+def same(error: insnav.InsnavError, again: insnav.InsnavError) -> None:
+    assert type(again) is type(error)
+    assert (str(again), again.args, vars(again)) == (str(error), error.args, vars(error))
+
+
+def test_a_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(insnav.LogError) as caught:
+        bad_file(tmp_path)
+    assert caught.value.path == str(tmp_path / "nowhere.mcap") and caught.value.topic is None
+    same(caught.value, pickle.loads(pickle.dumps(caught.value)))
+    (tmp_path / "text.mcap").write_text("no log at all\n" * 10)
+    with pytest.raises(insnav.LogError) as caught:
+        insnav.run(tmp_path / "text.mcap")
+    assert caught.value.code == "not_an_mcap"
+
+
+def test_a_key_is_named() -> None:
+    with pytest.raises(insnav.ConfigError) as caught:
+        bad_config()
+    assert caught.value.key == "gnss.lever_arm"
+
+
+def test_remedies_speak_python(tmp_path: Path) -> None:
+    output = tmp_path / "there.mcap"
+    output.write_bytes(b"")
+    with pytest.raises(insnav.LogError) as caught:
+        insnav.run(drive(60.0).arrays(np.random.default_rng(0)), output=output)
+    assert caught.value.code == "output_exists"
+    assert "overwrite=True" in caught.value.remedy and "--force" not in caught.value.remedy
+
+
+def test_an_instant_is_told() -> None:
+    t = np.arange(0.0, 60.0, 0.01)
+    t[3000:] += np.tile([0.0, 0.004], 1500)
+    noise = np.random.default_rng(0).standard_normal((6000, 6))
+    with pytest.raises(insnav.IdentificationError) as caught:
+        insnav.noise.identify_noise(t + 100.0, noise[:, :3] * 1e-3, noise[:, 3:] * 1e-2 - [0, 0, 9.81])
+    assert caught.value.code == "uneven_steps"
+    assert caught.value.time_s is not None and 29.9 < caught.value.time_s - 100.0 < 31.0
+
+
+def test_user_classes_and_attributes_survive() -> None:
+    error = insnav.NavigationError("m", "c", "r", time_s=1.5, time_ns=7, measurement="GNSS position")
+    error.add_note("while it rained") if sys.version_info >= (3, 11) else None
+    again = pickle.loads(pickle.dumps(error))
+    same(error, again)
+    assert (again.time_s, again.time_ns, again.measurement) == (1.5, 7, "GNSS position")
+
+
+def test_a_log_is_not_written_over_by_its_solution(tmp_path: Path) -> None:
+    log = tmp_path / "in.mcap"
+    insnav.write_mcap(log, insnav.sim.Scenario.standing(5.0, 45.0).simulate(1))
+    before = log.read_bytes()
+    with pytest.raises(insnav.ArgumentError, match="is the log itself") as raised:
+        insnav.run(log, output=tmp_path / "." / "in.mcap", overwrite=True)
+    assert raised.value.argument == "output" and log.read_bytes() == before
+
+
+def stamps_of(time_s: Any) -> list[int]:
+    """What the package makes of stamps, ns."""
+    zero = np.zeros((len(time_s), 3))
+    return [round(float(t) * 1e9) for t in insnav.mechanization.increments(time_s, zero, zero).time_s]
+
+
+def test_dates_durations_and_seconds_are_the_same_stamps() -> None:
+    naive = np.datetime64("2022-01-01T00:00:00") + np.arange(4) * np.timedelta64(10, "ms")
+    own = [dt.datetime(2022, 1, 1) + dt.timedelta(milliseconds=10 * i) for i in range(4)]
+    seconds = naive.astype("datetime64[ns]").astype(np.int64) * 1e-9
+    assert stamps_of(naive) == stamps_of(own)
+    # A float of seconds has steps of a quarter of a microsecond there.
+    assert np.allclose(np.subtract(stamps_of(naive), stamps_of(seconds)), 0, atol=512)
+    assert stamps_of(np.arange(4) * np.timedelta64(250, "ms")) == [250_000_000, 500_000_000, 750_000_000]
+
+
+def test_dates_with_a_zone_are_instants() -> None:
+    pandas = pytest.importorskip("pandas")
+    naive = pandas.date_range("2022-01-01", periods=4, freq="10ms")
+    for zone in ["UTC", "Asia/Tokyo"]:
+        there = naive.tz_localize("UTC").tz_convert(zone)
+        assert stamps_of(there) == stamps_of(pandas.Series(there)) == stamps_of(naive)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e9])
+def test_seconds_that_are_none_are_named(factor: float) -> None:
+    t = (1.7e9 + np.arange(4.0)) * factor * 10
+    with pytest.raises(insnav.ArgumentError, match="more than 290 years"):
+        stamps_of(t)
+
+
+@pytest.mark.parametrize("r", [[[-0.5]], [[1.0, 0.9], [0.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]]])
+def test_a_noise_that_is_no_covariance_is_refused(r: list[list[float]]) -> None:
+    start = insnav.mechanization.NavState.from_degrees(45.0, 7.0, 300.0)
+    filter = insnav.Eskf(start, "industrial", position_sigma=1.0, velocity_sigma=0.1, attitude_sigma=0.1)
+    before = filter.covariance.copy()
+    rows = np.eye(3)[: len(r)]
+    with pytest.raises(insnav.ArgumentError, match="r: .*expected a symmetric matrix without negative variances"):
+        filter.update_linear("own", np.ones(len(r)), {"position": rows}, r)
+    assert np.array_equal(filter.covariance, before)
+    filter.update_linear("own", np.ones(len(r)), {"position": rows}, np.eye(len(r)))
+
+
+def test_remedies_can_be_pasted() -> None:
+    t = np.arange(0.0, 30.0, 0.01)
+    rng = np.random.default_rng(0)
+    accel = np.array([0.0, 0.0, -1.0]) + rng.normal(0, 1e-3, (len(t), 3))
+    arrays = {"imu": (t, rng.normal(0, 1e-3, (len(t), 3)), accel), "gnss_position": ([1.0, 20.0], [[45.0, 7.0, 300.0]] * 2)}
+    with pytest.raises(insnav.InsnavError) as raised:
+        insnav.run(arrays)
+    assert "rad/s and m/s² in arrays" in raised.value.remedy and "`--" not in raised.value.remedy
+
+
+def test_a_start_that_is_none_is_refused_by_name() -> None:
+    t = np.arange(100) / 100
+    arrays: Any = {"imu": (t, np.zeros((100, 3)), np.tile([0.0, 0.0, -9.81], (100, 1)))}
+    for call in (lambda: insnav.run(arrays, start=5), lambda: insnav.Navigator(start=5)):  # type: ignore[arg-type]
+        with pytest.raises(insnav.ArgumentError, match="insnav.Start") as caught:
+            call()
+        assert caught.value.argument == "start"

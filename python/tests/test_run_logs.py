@@ -9,13 +9,14 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import mcap.reader
 import numpy as np
 import pytest
-from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 import insnav
+
+mcap_reader = pytest.importorskip("mcap.reader")
+DecoderFactory = pytest.importorskip("mcap_ros2.decoder").DecoderFactory
 
 LOGS = ["mcap_real/rtkexp_drive_ros2_zstd.mcap", "mcap_real/comma2k19_ros2_lz4.mcap"]
 CONFIG: dict[str, Any] = {"imu": {"grade": "automotive"}, "gnss": {"time_offset_s": -0.1, "sigma_scale": 1.5}}
@@ -51,7 +52,7 @@ def test_columns_are_those_of_the_file(log: str, data: Path, tmp_path: Path) -> 
     out = tmp_path / "solution.mcap"
     s = quietly(str(data / log), CONFIG, output=str(out))
     with out.open("rb") as stream:
-        reader = mcap.reader.make_reader(stream, decoder_factories=[DecoderFactory()])
+        reader = mcap_reader.make_reader(stream, decoder_factories=[DecoderFactory()])
         states = [m.decoded_message for m in reader.iter_decoded_messages(topics=["/insnav/state"])]
         (metadata,) = [m for m in reader.iter_metadata() if m.name == "insnav"]
 

@@ -7,6 +7,7 @@
 
 mod args;
 mod command;
+pub mod experiments;
 mod failure;
 mod interrupt;
 mod output;
@@ -22,13 +23,18 @@ use std::process::ExitCode;
 
 /// Run the command line and say with which code the process should end.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    ExitCode::from(run(arguments))
+}
+
+/// The same for a process that is not ours, with the code as a number.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let parsed = match args::Cli::try_parse_from(&arguments) {
         Ok(parsed) => parsed,
         Err(error) if !error.use_stderr() => {
             // --help and --version; a closed pipe is the reader's business.
             let _ = error.print();
-            return ExitCode::SUCCESS;
+            return 0;
         }
         Err(error) => {
             let output = Output::new(if wants_json(&arguments) {
@@ -41,7 +47,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             } else {
                 let _ = error.print();
             }
-            return ExitCode::from(failure::USAGE);
+            return failure::USAGE;
         }
     };
     let output = Output::new(parsed.format);
@@ -55,13 +61,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             failure.exit
         }
     };
-    ExitCode::from(match output.undelivered() {
+    match output.undelivered() {
         Some(failure) => {
             output.complain(&failure);
             failure.exit.max(code)
         }
         None => code,
-    })
+    }
 }
 
 /// Whether the arguments, which did not parse as a whole, ask for JSON.

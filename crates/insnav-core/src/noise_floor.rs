@@ -88,6 +88,8 @@ impl NoiseFloor {
 #[derive(Clone, Debug, Default)]
 pub struct NoiseMeter {
     window: Vec<Reading>,
+    /// From the window's first sample to its last, s.
+    span: f64,
     stretches: Vec<Stretch>,
     previous: Option<Time>,
     steps: [Step; 6],
@@ -136,7 +138,9 @@ impl NoiseMeter {
             // A hole ends the stretch unjudged.
             if self.window.len() > 1 && dt > 3.0 * last.dt {
                 self.window.clear();
+                self.span = 0.0;
             } else {
+                self.span += dt;
                 let pairs = values.iter().zip(&last.values);
                 for (step, (now, before)) in self.steps.iter_mut().zip(pairs) {
                     step.push((now - before).abs());
@@ -144,10 +148,10 @@ impl NoiseMeter {
             }
         }
         self.window.push(Reading { dt, values });
-        let span: f64 = self.window.iter().skip(1).map(|r| r.dt).sum();
-        if span >= WINDOW && self.window.len() >= FEWEST_SAMPLES {
+        if self.span >= WINDOW && self.window.len() >= FEWEST_SAMPLES {
             self.stretches.push(Stretch::of(&self.window));
             self.window.clear();
+            self.span = 0.0;
         }
     }
 

@@ -124,8 +124,15 @@ impl Sample {
 
     /// The same sample stamped `seconds` later.
     #[must_use]
-    pub fn delayed(mut self, seconds: f64) -> Self {
-        let time = match &mut self {
+    pub fn delayed(self, seconds: f64) -> Self {
+        let time = self.time().plus(seconds);
+        self.at(time)
+    }
+
+    /// The same sample stamped `time`.
+    #[must_use]
+    pub fn at(mut self, time: Time) -> Self {
+        let stamp = match &mut self {
             Sample::Imu(s) => &mut s.time,
             Sample::ImuIncrement(s) => &mut s.time,
             Sample::GnssPosition(s) => &mut s.time,
@@ -135,7 +142,7 @@ impl Sample {
             Sample::Speed(s) => &mut s.time,
             Sample::Magnetic(s) => &mut s.time,
         };
-        *time = time.plus(seconds);
+        *stamp = time;
         self
     }
 

@@ -197,6 +197,11 @@ pub trait Sink {
     fn update(&mut self, _update: &Update) {}
     /// Something happened.
     fn event(&mut self, _event: &Event) {}
+    /// Whether nobody wants the rest any more: asked while a navigator catches up with what it kept for a start, which can be hours in
+    /// one step. What it kept is then dropped, and a run that goes on regardless has a gap there.
+    fn is_over(&mut self) -> bool {
+        false
+    }
 }
 
 /// A sink that drops everything.

@@ -19,6 +19,9 @@ const SPEED: f64 = 3.0;
 const TURN: f64 = 0.1;
 /// A heading that is known no better shows nothing, rad.
 const HEADING_SIGMA: f64 = 0.26;
+/// Blocks after which what is clear is not looked at any longer: five minutes of road, by which a standard deviation is known to an
+/// eighth.
+const CLEAR_AFTER: usize = 30;
 /// Vehicles on wheels stay within this, rad: slip on cambered roads is below a degree, pitching by the springs below two.
 const WHEELED: f64 = 0.035;
 
@@ -28,6 +31,7 @@ pub struct WheelWatch {
     next: Option<Time>,
     block: Option<(Time, Block)>,
     blocks: Vec<Angles>,
+    clear: bool,
 }
 
 /// Angles of motion, rad.
@@ -95,6 +99,12 @@ impl WheelWatch {
         })
     }
 
+    /// Whether more of the log would change nothing: for minutes, both directions have stayed within half of what a vehicle on wheels
+    /// may show. What does not, or is near it, is to be looked at for as long as there is time.
+    pub fn is_clear(&self) -> bool {
+        self.clear
+    }
+
     fn close_block(&mut self) {
         let Some((_, block)) = self.block.take() else {
             return;
@@ -110,6 +120,11 @@ impl WheelWatch {
             slope: (block.climb / n).asin(),
             side_variance: block.side_variance / n,
         });
+        let within = |of: fn(&Angles) -> f64| {
+            let angles: Vec<f64> = self.blocks.iter().map(of).collect();
+            std(&angles) < 0.5 * WHEELED
+        };
+        self.clear = self.blocks.len() >= CLEAR_AFTER && within(|a| a.side) && within(|a| a.dip);
     }
 }
 
@@ -166,29 +181,32 @@ mod tests {
     use crate::stationary::Evidence;
     use nalgebra::SMatrix;
 
-    /// Ten minutes at 10 m/s; `motion` gives at a time heading, pitch, side, dip in degrees.
+    /// At 10 m/s with heading, pitch, side, dip in degrees.
+    fn seen(t: f64, [heading, pitch, side, dip]: [f64; 4]) -> Epoch {
+        let q_nb = Euler::from_degrees(0.0, pitch, heading).to_quaternion();
+        let (side, dip) = (side.to_radians(), dip.to_radians());
+        let direction_b = Vector3::new(side.cos() * dip.cos(), side.sin() * dip.cos(), dip.sin());
+        Epoch {
+            nav: NavState {
+                time: Time::from_seconds(t),
+                position: Geodetic::from_degrees(50.0, 14.0, 200.0),
+                velocity_n: q_nb * direction_b * 10.0,
+                q_nb,
+            },
+            rate_b: Vector3::zeros(),
+            imu_errors: ImuErrors::default(),
+            motion: Motion::Moving,
+            evidence: Evidence::default(),
+            covariance: SMatrix::identity() * 1e-6,
+        }
+    }
+
+    /// Ten minutes; `motion` gives at a time heading, pitch, side, dip in degrees.
     fn watch(motion: impl Fn(f64) -> [f64; 4]) -> Option<WheelReport> {
         let mut watch = WheelWatch::default();
         for i in 0..6000 {
             let t = 0.1 * f64::from(i);
-            let [heading, pitch, side, dip] = motion(t);
-            let q_nb = Euler::from_degrees(0.0, pitch, heading).to_quaternion();
-            let (side, dip) = (side.to_radians(), dip.to_radians());
-            let direction_b =
-                Vector3::new(side.cos() * dip.cos(), side.sin() * dip.cos(), dip.sin());
-            let epoch = Epoch {
-                nav: NavState {
-                    time: Time::from_seconds(t),
-                    position: Geodetic::from_degrees(50.0, 14.0, 200.0),
-                    velocity_n: q_nb * direction_b * 10.0,
-                    q_nb,
-                },
-                rate_b: Vector3::zeros(),
-                imu_errors: ImuErrors::default(),
-                motion: Motion::Moving,
-                evidence: Evidence::default(),
-                covariance: SMatrix::identity() * 1e-6,
-            };
+            let epoch = seen(t, motion(t));
             if watch.wants_epoch(epoch.nav.time) {
                 watch.epoch(&epoch);
             }
@@ -228,6 +246,31 @@ mod tests {
             lift.dip_std_upside_down_deg > 0.9 * lift.dip_std_deg,
             "{lift:?}"
         );
+    }
+
+    #[test]
+    fn only_what_moves_where_it_points_is_clear_before_the_time_is_over() {
+        let after = |minutes: i32, side_deg: f64, dip_deg: f64| {
+            let mut watch = WheelWatch::default();
+            for i in 0..600 * minutes {
+                let t = 0.1 * f64::from(i);
+                let swing = (t / 40.0).sin();
+                let epoch = seen(t, [t, 0.0, side_deg * swing, dip_deg * swing]);
+                if watch.wants_epoch(epoch.nav.time) {
+                    watch.epoch(&epoch);
+                }
+            }
+            (watch.is_clear(), watch.report().unwrap())
+        };
+        // A sine's standard deviation is 0.7 of its amplitude.
+        let (clear, report) = after(6, 0.5, 0.5);
+        assert!(clear && report.lateral && report.vertical, "{report:?}");
+        assert!(!after(4, 0.5, 0.5).0, "too early");
+        for (side_deg, dip_deg) in [(2.0, 0.5), (0.5, 2.0)] {
+            let (clear, report) = after(15, side_deg, dip_deg);
+            assert!(!clear && report.lateral && report.vertical, "{report:?}");
+        }
+        assert!(!after(15, 8.0, 0.0).0 && !after(15, 0.0, 8.0).0);
     }
 
     #[test]

@@ -37,6 +37,7 @@ pub mod ros2;
 mod run;
 mod samples;
 mod scenario_file;
+mod simulated;
 mod sink;
 mod solution;
 mod stamps;
@@ -48,14 +49,14 @@ pub mod tum;
 mod velocity_axes;
 pub mod wire;
 
-pub use compared::{ComparedReference, ComparedSolution};
+pub use compared::{ComparedReference, ComparedSolution, JudgeRequest, Judged, judge};
 pub use config_file::{
     ConfigError, LogSettings, config_text, config_text_with, load_config, parse_config, parse_maps,
 };
 pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;
 pub use export::{ExportFormat, export};
-pub use findings::{Finding, Severity, SourceFacts};
+pub use findings::{Finding, Severity, SourceFacts, why_no_place};
 pub use gnss_file::{GnssFileOptions, GnssFormat, GnssTrack};
 pub use imu_units::ImuUnits;
 pub use log::{ImuAxes, Log, METADATA_NAME, METADATA_T0, ReadOptions, TimeSource};
@@ -74,18 +75,19 @@ pub use run::{
     AdaptedReport, AidingReport, AlignNoise, AlignReport, AlignRequest, AlignedStop,
     AlignmentReport, Clocks, Estimate, FinalReport, ImuOnlyReport, KnownStart, LatitudeSource,
     NoiseReport, Plan, ResetReport, RunError, RunOptions, RunReport, SavedRun, ScaleReport,
-    SolutionSink, Source, StateError, StopReport, Stream, Survey, Warning, Withhold,
+    SolutionSink, Source, StateError, StopReport, Stoppable, Stream, Survey, Warning, Withhold,
     align_by_stops, find,
 };
 pub use run::{
     FinalOrientation, GyroRange, HeadingReference, OrientationNoise, OrientationNoiseReport,
-    OrientationPlan, OrientationReport, OrientationRequest,
+    OrientationPlan, OrientationReport, OrientationRequest, ahrs_settings,
 };
 pub use samples::{ReaderState, SampleCounts, Samples, imu_to_body};
 pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
+pub use simulated::{simulated_truth, write_simulated};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
 pub use sink::{OrientationEpoch, OrientationSink, OrientationSinkOptions};
-pub use solution::{SolutionTable, UpdateRow};
+pub use solution::{SolutionTable, UpdateRow, read_solution_states, read_solution_updates};
 pub use stats::{ClockDrift, ClockStep, Spread, TopicStatistics};
 pub use topic_map::{Expression, MapClock, MapGnssAxes, MapImuAxes, TopicMap};
 pub use topics::{Choice, Role, Selection, TopicInfo};

@@ -450,7 +450,8 @@ fn gnss_velocity(time: Time, velocity: &Velocity) -> Option<GnssVelocity> {
     })
 }
 
-/// A covariance from ENU to NED; `None` when it has no variance or one that cannot be (drivers write zeros for "unknown").
+/// A covariance from ENU to NED; `None` when it has no variance or one that cannot be: for "unknown" drivers write zeros, or the -1
+/// that sensor_msgs/Imu has for it.
 fn known_covariance(covariance_enu: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let p = ENU_NED * covariance_enu * ENU_NED;
     let known = p.iter().all(|v| v.is_finite()) && p.diagonal().iter().all(|v| *v > 0.0);

@@ -7,7 +7,7 @@ use insnav_core::imu::{ImuGrade, STANDARD_GRAVITY};
 use insnav_core::sim::{
     Body, Drive, GnssModel, ImuErrorModel, ImuModel, ImuOutput, Leg, Scenario, Simulation,
 };
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// A scenario with every key explained: a start for one's own.
@@ -27,10 +27,12 @@ pub struct ScenarioFile {
     pub seed: Option<u64>,
     /// Class of the inertial unit.
     pub grade: ImuGrade,
+    /// The errors of the unit in the units of the file.
+    imu: ImuText,
     origin: String,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileText {
     seed: Option<u64>,
@@ -46,13 +48,13 @@ struct FileText {
     gnss: GnssModel,
 }
 
-#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[derive(Clone, Copy, Serialize, Deserialize, PartialEq)]
 #[serde(rename_all = "lowercase")]
 enum ReadyRoute {
     Car,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StartText {
     #[serde(default = "start_unix_s")]
@@ -69,7 +71,7 @@ fn start_unix_s() -> f64 {
     START_UNIX_S
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LegText {
     duration_s: f64,
@@ -79,11 +81,12 @@ struct LegText {
     slope_deg: Option<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct ImuText {
     grade: ImuGrade,
     rate_hz: f64,
+    output: ImuOutput,
     noise: NoiseConfig,
     errors: ErrorsText,
 }
@@ -93,13 +96,14 @@ impl Default for ImuText {
         ImuText {
             grade: ImuGrade::Consumer,
             rate_hz: 100.0,
+            output: ImuOutput::Rates,
             noise: NoiseConfig::default(),
             errors: ErrorsText::default(),
         }
     }
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct ErrorsText {
     gyro_bias_deg_per_hour: [f64; 3],
@@ -198,7 +202,63 @@ impl ScenarioFile {
             scenario,
             seed: file.seed,
             grade,
+            imu: ImuText { grade, ..file.imu },
             origin: origin.to_owned(),
+        })
+    }
+
+    /// A ready scenario, whose unit has no errors but those of its class.
+    pub fn ready(scenario: Scenario, grade: ImuGrade) -> Self {
+        let imu = ImuText {
+            grade,
+            rate_hz: scenario.imu.rate_hz,
+            output: scenario.imu.output,
+            ..ImuText::default()
+        };
+        ScenarioFile {
+            scenario: Scenario {
+                imu: imu.model(grade),
+                ..scenario
+            },
+            seed: None,
+            grade,
+            imu,
+            origin: "scenario".to_owned(),
+        }
+    }
+
+    /// The file that states it, every key with its number: reading it gives the same scenario to the last bit, as long as its unit is
+    /// the one that was read.
+    pub fn text(&self) -> Result<String, ConfigError> {
+        let drive = &self.scenario.drive;
+        let leg = |leg: &Leg| LegText {
+            duration_s: leg.duration_s,
+            speed_m_per_s: Some(leg.speed_m_per_s),
+            turn_deg: leg.turn_deg,
+            slope_deg: Some(leg.slope_deg),
+        };
+        let file = FileText {
+            seed: self.seed,
+            duration_s: Some(self.scenario.duration_s),
+            route: drive.legs.iter().map(leg).collect(),
+            ready_route: None,
+            start: StartText {
+                time_unix_s: drive.start_s,
+                latitude_deg: drive.latitude_deg,
+                longitude_deg: drive.longitude_deg,
+                height_m: drive.height_m,
+                heading_deg: drive.heading_deg,
+                speed_m_per_s: drive.speed_m_per_s,
+            },
+            body: Some(drive.body.clone()),
+            imu: self.imu.clone(),
+            gnss: self.scenario.gnss.clone(),
+        };
+        toml::to_string(&file).map_err(|e| ConfigError::Value {
+            origin: self.origin.clone(),
+            key: "seed".into(),
+            message: e.to_string(),
+            nearest: None,
         })
     }
 
@@ -292,17 +352,22 @@ fn legs(route: &[LegText], start_speed: f64) -> Vec<Leg> {
 impl ImuText {
     fn model(&self, grade: ImuGrade) -> ImuModel {
         let e = &self.errors;
+        // Steps of increments are those of the mean rate over one interval.
+        let interval = match self.output {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => 1.0 / self.rate_hz,
+        };
         ImuModel {
             rate_hz: self.rate_hz,
-            output: ImuOutput::Rates,
+            output: self.output,
             errors: ImuErrorModel {
                 noise: Some(self.noise.over(grade)),
                 gyro_bias_deg_per_hour: e.gyro_bias_deg_per_hour,
                 accel_bias_m_per_s2: e.accel_bias_mg.map(|mg| mg * 1e-3 * STANDARD_GRAVITY),
                 gyro_scale_ppm: e.gyro_scale_ppm,
                 accel_scale_ppm: e.accel_scale_ppm,
-                gyro_quantum: e.gyro_step_deg_per_s.to_radians(),
-                accel_quantum: e.accel_step_m_per_s2,
+                gyro_quantum: e.gyro_step_deg_per_s.to_radians() * interval,
+                accel_quantum: e.accel_step_m_per_s2 * interval,
             },
         }
     }
@@ -344,6 +409,49 @@ mod tests {
             tried += 1;
         }
         assert!(tried > 14, "{tried}");
+    }
+
+    #[test]
+    fn a_scenario_written_is_read_as_the_same() {
+        let again = |file: &ScenarioFile| {
+            let text = file.text().expect("plain data");
+            let read = parse(&text).expect(&text);
+            assert_eq!(read.scenario, file.scenario);
+            assert_eq!((read.seed, read.grade), (file.seed, file.grade));
+            assert_eq!(read.text().unwrap(), text);
+        };
+        let ready = [
+            (Scenario::standing(5.0, 33.3), ImuGrade::Automotive),
+            (Scenario::car_drive(700.0), ImuGrade::Automotive),
+            (Scenario::demo(), ImuGrade::Consumer),
+        ];
+        for (scenario, grade) in ready {
+            let file = ScenarioFile::ready(scenario.clone(), grade);
+            assert_eq!(file.scenario, scenario, "nothing is lost");
+            again(&file);
+        }
+        again(&parse(SCENARIO_EXAMPLE).unwrap());
+        let odd = format!(
+            "seed = 7\nready_route = \"car\"\nduration_s = 33.3\n{START}[imu]\ngrade = \"tactical\"\noutput = \"increments\"\n\
+             [imu.noise]\ngyro_bias_deg_per_hour = 0.1\n[imu.errors]\naccel_bias_mg = [0.1, 0.2, 0.3]\n"
+        );
+        again(&parse(&odd).unwrap());
+    }
+
+    /// A unit that counts whole steps of 0.01 °/s and 0.01 m/s² in the mean of an interval, whichever way it tells them.
+    #[test]
+    fn steps_of_increments_are_those_of_the_mean_rate() {
+        let model = |output: &str| {
+            let text = format!(
+                "route = [{{ duration_s = 5 }}]\n{START}[imu]\nrate_hz = 200\noutput = \"{output}\"\n[imu.errors]\n\
+                 gyro_step_deg_per_s = 0.01\naccel_step_m_per_s2 = 0.01\n"
+            );
+            parse(&text).unwrap().scenario.imu
+        };
+        let (rates, increments) = (model("rates"), model("increments"));
+        assert_eq!(increments.output, ImuOutput::Increments);
+        assert!((rates.errors.gyro_quantum / increments.errors.gyro_quantum - 200.0).abs() < 1e-9);
+        assert!((increments.errors.accel_quantum - 0.01 / 200.0).abs() < 1e-18);
     }
 
     #[test]

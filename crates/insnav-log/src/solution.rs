@@ -10,19 +10,20 @@ use crate::samples::gnss_position;
 use crate::tum::Trajectory;
 use insnav_core::attitude::Euler;
 use insnav_core::earth::{Geodetic, LocalFrame};
-use insnav_core::filter::Verdict;
+use insnav_core::filter::{Update, Verdict};
 use insnav_core::imu::STANDARD_GRAVITY;
 use insnav_core::sample::GnssPosition;
 use insnav_core::stationary::{Evidence, Witness};
 use insnav_core::time::Time;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 /// One measurement as the filter saw it, read back.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UpdateRow {
     /// Instant.
     pub time: Time,
@@ -38,6 +39,20 @@ pub struct UpdateRow {
     pub nis: f64,
     /// What became of it.
     pub verdict: Verdict,
+}
+
+impl From<&Update> for UpdateRow {
+    fn from(update: &Update) -> Self {
+        UpdateRow {
+            time: update.time,
+            measurement: update.measurement.to_owned(),
+            dof: update.dof,
+            residual: update.residual,
+            sigma: update.sigma,
+            nis: update.nis,
+            verdict: update.verdict,
+        }
+    }
 }
 
 /// A solution: one entry per epoch in every column. NaN where the file does not say.
@@ -171,28 +186,8 @@ impl SolutionTable {
             has_standing: true,
             ..SolutionTable::default()
         };
-        let Some(state) = topic("/insnav/state") else {
-            return Err(LogError::NotASolution {
-                path: log.path().into(),
-                reason: "no topic /insnav/state".into(),
-            });
-        };
-        let mut messages = log.messages(&[state]);
-        while let Some(message) = messages.next() {
-            let message = message?;
-            let row =
-                State::decode(message.data).map_err(|e| log.undecodable(state, &message, e))?;
-            table.push(&row);
-        }
-        if let Some(updates) = topic("/insnav/updates") {
-            let mut messages = log.messages(&[updates]);
-            while let Some(message) = messages.next() {
-                let message = message?;
-                let update = UpdateMessage::decode(message.data)
-                    .map_err(|e| log.undecodable(updates, &message, e))?;
-                table.updates.push(UpdateRow::new(&update));
-            }
-        }
+        read_solution_states(log, |row| table.push(row))?;
+        table.updates = read_solution_updates(log)?;
         if let Some(withheld) = topic("/insnav/withheld") {
             let mut messages = log.messages(&[withheld]);
             while let Some(message) = messages.next() {
@@ -458,6 +453,37 @@ impl SolutionTable {
             .and_then(|text| parse_triple(text))
             .map(Vector3::from)
     }
+}
+
+/// The epochs of a solution in an MCAP as they were written, in order.
+pub fn read_solution_states(log: &Log, mut each: impl FnMut(&State<'_>)) -> Result<(), LogError> {
+    let state = topic(log, "/insnav/state").ok_or_else(|| LogError::NotASolution {
+        path: log.path().into(),
+        reason: "no topic /insnav/state".into(),
+    })?;
+    let mut messages = log.messages(&[state]);
+    while let Some(message) = messages.next() {
+        let message = message?;
+        let row = State::decode(message.data).map_err(|e| log.undecodable(state, &message, e))?;
+        each(&row);
+    }
+    Ok(())
+}
+
+/// Its measurements as the filter saw them; none where the file has none.
+pub fn read_solution_updates(log: &Log) -> Result<Vec<UpdateRow>, LogError> {
+    let mut rows = Vec::new();
+    let Some(updates) = topic(log, "/insnav/updates") else {
+        return Ok(rows);
+    };
+    let mut messages = log.messages(&[updates]);
+    while let Some(message) = messages.next() {
+        let message = message?;
+        let update = UpdateMessage::decode(message.data)
+            .map_err(|e| log.undecodable(updates, &message, e))?;
+        rows.push(UpdateRow::new(&update));
+    }
+    Ok(rows)
 }
 
 /// The first topic of this name that can be read.

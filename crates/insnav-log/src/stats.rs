@@ -45,8 +45,12 @@ pub struct TopicStatistics {
     pub unstamped: u64,
     /// Messages whose bytes are not what their type says.
     pub undecodable: u64,
-    /// Messages with NaN or infinity where a sensor's numbers are.
+    /// Messages with NaN or infinity where a sensor's numbers are, or with a place that is none.
     pub not_finite: u64,
+    /// Of these, positions with a latitude beyond ±90°.
+    pub no_place: u64,
+    /// Latitude and longitude of the first of them, degrees.
+    pub first_no_place_deg: Option<[f64; 2]>,
     /// Positions for which the receiver says that it has no fix.
     pub no_fix: u64,
     /// Positions whose latitude and longitude are exactly zero.
@@ -272,7 +276,14 @@ impl TopicStatistics {
             match gnss_position(fix, time, 0.0) {
                 Ok(_) => {}
                 Err(Unusable::NoFix) => self.no_fix += 1,
-                Err(Unusable::NotFinite) => self.not_finite += 1,
+                Err(Unusable::NotFinite) => {
+                    self.not_finite += 1;
+                    let at = [fix.latitude_deg, fix.longitude_deg];
+                    if at.iter().all(|x| x.is_finite()) && fix.height_m.is_finite() {
+                        self.no_place += 1;
+                        self.first_no_place_deg.get_or_insert(at);
+                    }
+                }
                 Err(Unusable::ZeroPosition) => self.zero_position += 1,
             }
         }

@@ -1,7 +1,7 @@
 //! A start as the user knows it → what the plan takes.
 
 use crate::arrays::Argument;
-use crate::failure::Failure;
+use crate::failure::{Failure, fail};
 use insnav_core::attitude::Euler;
 use insnav_core::earth::Geodetic;
 use insnav_log::KnownStart;
@@ -26,27 +26,59 @@ const KEYS: [&str; 7] = [
     ATTITUDE_SIGMA,
 ];
 
+const SECONDS: &str = "give seconds on the scale of the solution's time_s";
+
 /// A start from a mapping with the keys of `insnav.Start`.
-pub(crate) fn known_start(given: &Bound<'_, PyMapping>) -> PyResult<KnownStart> {
+pub(crate) fn known_start(given: &Bound<'_, PyAny>) -> PyResult<KnownStart> {
     let py = given.py();
-    let fail = |f: Failure| f.into_py_err(py);
+    let fail = fail(py);
+    let given = given.cast::<PyMapping>().map_err(|_| {
+        fail(Failure::argument(
+            "bad_start",
+            "start",
+            format!("an object of {}", given.get_type()),
+            "a mapping with the keys of insnav.Start",
+            "",
+        ))
+    })?;
     for key in given.keys()?.iter() {
         let key = key.str()?.to_string();
         if !KEYS.contains(&key.as_str()) {
-            return Err(fail(Failure::new(
-                "bad_start",
-                format!("start: unknown key `{key}`"),
-                format!("known: {}", KEYS.join(", ")),
-            )));
+            return Err(fail(
+                Failure::new(
+                    "bad_start",
+                    format!("start: unknown key `{key}`"),
+                    format!("known: {}", KEYS.join(", ")),
+                )
+                .about("start", key, format!("one of {}", KEYS.join(", "))),
+            ));
+        }
+        // As `insnav.batch` has it, whose start is that of many logs.
+        let name = format!("start: {key}");
+        if Argument::new(&name, &given.get_item(&key)?)
+            .is_dated()
+            .map_err(fail)?
+        {
+            return Err(fail(
+                Failure::new(
+                    "bad_start",
+                    format!("{name} is a date, expected a number"),
+                    SECONDS,
+                )
+                .about(&name, "a date", "a number"),
+            ));
         }
     }
     let item = |key: &str| -> PyResult<Argument<'_>> {
         if !given.contains(key)? {
-            return Err(fail(Failure::new(
-                "bad_start",
-                format!("start: `{key}` is missing"),
-                "a start needs position, velocity and attitude, each with its sigmas",
-            )));
+            return Err(fail(
+                Failure::new(
+                    "bad_start",
+                    format!("start: `{key}` is missing"),
+                    "a start needs position, velocity and attitude, each with its sigmas",
+                )
+                .about(&format!("start: {key}"), "nothing", "three numbers"),
+            ));
         }
         Ok(Argument {
             name: format!("start: {key}"),
@@ -58,34 +90,59 @@ pub(crate) fn known_start(given: &Bound<'_, PyMapping>) -> PyResult<KnownStart> 
         if values.iter().all(|&x| x.is_finite() && rule(x)) {
             Ok(Vector3::from_column_slice(&values))
         } else {
-            Err(fail(Failure::new(
-                "bad_start",
-                format!("start: {key} = {values:?}"),
-                format!("three numbers, {expected}"),
-            )))
+            Err(fail(
+                Failure::new(
+                    "bad_start",
+                    format!("start: {key} = {values:?}"),
+                    format!("three numbers, {expected}"),
+                )
+                .about(
+                    &format!("start: {key}"),
+                    format!("{values:?}"),
+                    format!("three numbers, {expected}"),
+                ),
+            ))
         }
     };
     let finite = |key| vector(key, |_| true, "finite");
     let sigma = |key| vector(key, |x| x > 0.0, "finite and above 0");
     let time_s = match given.contains(TIME)? && !given.get_item(TIME)?.is_none() {
-        true => Some(given.get_item(TIME)?.extract::<f64>()?),
+        true => Some(item(TIME)?.object.extract::<f64>().map_err(|_| {
+            fail(Failure::argument(
+                "bad_start",
+                "start: time_s",
+                "no number",
+                "a number",
+                SECONDS,
+            ))
+        })?),
         false => None,
     };
     if time_s.is_some_and(|t| !t.is_finite()) {
-        return Err(fail(Failure::new(
-            "bad_start",
-            "start: time_s is not finite",
-            "seconds, or leave it out for the first inertial sample",
-        )));
+        return Err(fail(
+            Failure::new(
+                "bad_start",
+                "start: time_s is not finite",
+                "seconds, or leave it out for the first inertial sample",
+            )
+            .about("start: time_s", "not finite", "seconds"),
+        ));
     }
     let p = finite(POSITION)?;
     let position = Geodetic::from_degrees(p.x, p.y, p.z);
     if !position.is_valid() {
-        return Err(fail(Failure::new(
-            "bad_start",
-            format!("start: {POSITION} = [{}, {}, {}]", p.x, p.y, p.z),
-            "latitude and longitude in degrees, height in metres",
-        )));
+        return Err(fail(
+            Failure::new(
+                "bad_start",
+                format!("start: {POSITION} = [{}, {}, {}]", p.x, p.y, p.z),
+                "latitude and longitude in degrees, height in metres",
+            )
+            .about(
+                &format!("start: {POSITION}"),
+                format!("[{}, {}, {}]", p.x, p.y, p.z),
+                "latitude and longitude in degrees, height in metres",
+            ),
+        ));
     }
     let a = finite(ATTITUDE)?;
     Ok(KnownStart {

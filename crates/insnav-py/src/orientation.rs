@@ -1,19 +1,21 @@
 //! `insnav.ahrs`: orientation from arrays, as the command finds it from a log.
 
 use crate::arrays::{matrices, rows, scalars};
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, fail, warn};
 use crate::inputs::inertial_and_magnetic;
+use crate::interrupt::{Stop, interruptible};
+use crate::pickle;
 use crate::run::dictionary;
 use crate::settings;
 use insnav_core::attitude::Euler;
 use insnav_core::time::Time;
 use insnav_log::{
-    GyroRange, OrientationEpoch, OrientationNoise, OrientationPlan, OrientationRequest,
+    GyroRange, OrientationEpoch, OrientationNoise, OrientationPlan, OrientationRequest, Stoppable,
 };
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyString, PyTuple, PyType};
 
 /// Orientation with its covariance: gyro, accelerometer and, where there is one, magnetometer.
 ///
@@ -74,7 +76,7 @@ pub(crate) fn ahrs<'py>(
     carrier_speed_m_per_s: Option<f64>,
 ) -> PyResult<Orientation> {
     let py = t.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let mut config = settings::config(config)?;
     // Neither wanted nor needed.
     config.gnss.used = false;
@@ -83,10 +85,10 @@ pub(crate) fn ahrs<'py>(
             "auto" => OrientationNoise::Identified,
             "datasheet" => OrientationNoise::Stated,
             other => {
-                return Err(fail(Failure::new(
-                    "bad_option",
-                    format!("noise: {other:?} is not known"),
-                    "one of auto, datasheet",
+                return Err(fail(Failure::unknown_word(
+                    "noise",
+                    other,
+                    "auto, datasheet",
                 )));
             }
         },
@@ -95,17 +97,17 @@ pub(crate) fn ahrs<'py>(
         carrier_speed: carrier_speed_m_per_s,
     };
     let source = inertial_and_magnetic(t, gyro, accel, mag, &config).map_err(fail)?;
-    let (epochs, report) = py
-        .detach(|| {
-            let plan = OrientationPlan::make(&source, &config, request)?;
-            let mut epochs = Vec::new();
-            let report = plan.execute(&source, |epoch| {
-                epochs.push(*epoch);
-                Ok(())
-            })?;
-            Ok((epochs, report))
-        })
-        .map_err(fail)?;
+    let work = move |stop: &Stop| {
+        let source = Stoppable::new(&source, stop.asked());
+        let plan = OrientationPlan::make(&source, &config, request)?;
+        let mut epochs = Vec::new();
+        let report = plan.execute(&source, |epoch| {
+            epochs.push(*epoch);
+            Ok(())
+        })?;
+        Ok((epochs, report))
+    };
+    let (epochs, report) = interruptible(py, work)?.map_err(fail)?;
     for warning in &report.warnings {
         warn(py, warning)?;
     }
@@ -157,6 +159,15 @@ pub(crate) struct Orientation {
     summary: Py<PyDict>,
 }
 
+/// An epoch as it is pickled: stamp, attitude, covariance, rate, force.
+type Row = (
+    Time,
+    UnitQuaternion<f64>,
+    Matrix3<f64>,
+    Vector3<f64>,
+    Vector3<f64>,
+);
+
 type Column<'py> = PyResult<Bound<'py, PyAny>>;
 
 impl Orientation {
@@ -182,6 +193,51 @@ impl Orientation {
             ),
             _ => "<insnav.Orientation: no epochs>".to_owned(),
         }
+    }
+
+    #[classmethod]
+    fn _from_state(
+        _class: &Bound<'_, PyType>,
+        state: &[u8],
+        summary: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let rows: Vec<Row> = pickle::load::<Self, _>(state)?;
+        let epochs = rows.into_iter().map(|row| OrientationEpoch {
+            time: row.0,
+            q_nb: row.1,
+            covariance_n: row.2,
+            angular_rate_b: row.3,
+            specific_force_b: row.4,
+        });
+        Ok(Orientation {
+            epochs: epochs.collect(),
+            summary: summary.clone().unbind(),
+        })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let this = slf.get();
+        let rows: Vec<Row> = this
+            .epochs
+            .iter()
+            .map(|e| {
+                (
+                    e.time,
+                    e.q_nb,
+                    e.covariance_n,
+                    e.angular_rate_b,
+                    e.specific_force_b,
+                )
+            })
+            .collect();
+        let make = slf.as_any().get_type().getattr("_from_state")?;
+        let summary = this.summary.bind(py).clone();
+        let arguments = [
+            pickle::bytes::<Self>(py, &rows)?.into_any(),
+            summary.into_any(),
+        ];
+        PyTuple::new(py, [make, PyTuple::new(py, arguments)?.into_any()])
     }
 
     /// What there is to tell, with the keys of ``insnav ahrs --format json``: the noise that was used, time at rest, gyro bias,

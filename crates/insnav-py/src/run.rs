@@ -1,20 +1,23 @@
 //! `insnav.run`: the main job, as the command does it.
 
-use crate::failure::{Failure, warn};
+use crate::epochs::EpochColumns;
+use crate::failure::{Failure, fail, warn};
 use crate::inputs;
+use crate::interrupt::{Stop, interruptible};
 use crate::known_start;
 use crate::settings;
 use crate::sinks::FileAndMemory;
-use crate::solution::Solution;
+use crate::solution::solution;
 use insnav_core::config::Config;
 use insnav_log::{
-    ImuAxes, Log, Plan, ReadOptions, Role, RunOptions, RunReport, Source, TimeSource,
+    ImuAxes, Log, Plan, ReadOptions, Role, RunOptions, RunReport, Source, Stoppable, TimeSource,
+    UpdateRow,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Navigate: IMU and GNSS data become a trajectory with its uncertainty.
 ///
@@ -63,6 +66,18 @@ use std::path::PathBuf;
 /// -----
 /// InsnavWarning
 ///     Data that look wrong; all warnings are in ``summary["warnings"]`` too.
+///
+/// Examples
+/// --------
+/// A unit that stands, without GNSS: positions count from the start.
+///
+/// >>> import numpy as np
+/// >>> import insnav
+/// >>> rng = np.random.default_rng(0)
+/// >>> imu = (np.arange(0, 20, 0.01), rng.normal(0, 2e-4, (2000, 3)), [0, 0, -9.81] + rng.normal(0, 2e-2, (2000, 3)))
+/// >>> solution = insnav.run({"imu": imu}, imu_only=True)
+/// >>> bool(abs(solution.velocity_n_m_per_s).max() < 0.01)
+/// True
 #[pyfunction]
 #[pyo3(signature = (
     log, config=None, *, output=None, overwrite=false, time_offset_s=None, withhold=None, imu_only=false, start=None,
@@ -70,21 +85,21 @@ use std::path::PathBuf;
 ))]
 // One argument each of the Python function.
 #[allow(clippy::too_many_arguments)]
-pub(crate) fn run(
-    log: &Bound<'_, PyAny>,
+pub(crate) fn run<'py>(
+    log: &Bound<'py, PyAny>,
     config: Option<&Bound<'_, PyAny>>,
     output: Option<PathBuf>,
     overwrite: bool,
     time_offset_s: Option<&Bound<'_, PyAny>>,
     withhold: Option<&str>,
     imu_only: bool,
-    start: Option<&Bound<'_, PyMapping>>,
+    start: Option<&Bound<'_, PyAny>>,
     topics: Option<BTreeMap<String, String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
-) -> PyResult<Solution> {
+) -> PyResult<Bound<'py, PyAny>> {
     let py = log.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let for_reading = settings::for_reading(config)?;
     let mut config = settings::config(config)?;
     if imu_only {
@@ -105,11 +120,18 @@ pub(crate) fn run(
     }
     if let Some(text) = withhold {
         options.withhold = text.parse().map_err(|e| {
-            fail(Failure::new(
-                "bad_option",
-                format!("withhold: {e}"),
-                "intervals as \"120:150,300:330\", or \"every:2\"",
-            ))
+            fail(
+                Failure::new(
+                    "bad_option",
+                    format!("withhold: {e}"),
+                    "intervals as \"120:150,300:330\", or \"every:2\"",
+                )
+                .about(
+                    "withhold",
+                    format!("{text:?}"),
+                    "intervals as \"120:150,300:330\", or \"every:2\"",
+                ),
+            )
         })?;
     }
     options.start = start.map(known_start::known_start).transpose()?;
@@ -126,35 +148,63 @@ pub(crate) fn run(
             ));
         }
         let arrays = inputs::arrays(mapping, &job.config)?;
-        py.detach(|| job.run(&arrays, &[]))
+        if job.config.gnss.used {
+            arrays.has_places().map_err(fail)?;
+        }
+        interruptible(py, move |stop| {
+            job.run(&arrays, &[], stop)
+                .map_err(|e| e.counted_from(Some(arrays.zero())))
+        })?
     } else if let Ok(path) = log.extract::<PathBuf>() {
         let reading = for_reading
             .over(read_options(topics, imu_axes, time_source).map_err(fail)?)
             .with_settings_of(&job.config);
-        py.detach(|| {
+        not_the_input(&path, job.output.as_deref()).map_err(fail)?;
+        interruptible(py, move |stop| {
             let log = Log::open(&path, reading)?;
             // As the command has it, so that both write the same file.
             let names = [
                 ("input", path.display().to_string()),
                 ("input_crc32", format!("{:08x}", log.crc32())),
             ];
-            job.run(&log, &names)
-        })
+            job.run(&log, &names, stop)
+                .map_err(|e| e.counted_from(log.t0().ok().flatten()))
+        })?
     } else {
         return Err(PyTypeError::new_err(format!(
             "log: expected the path of a log or a mapping of arrays, not {}",
             log.get_type()
         )));
     };
-    let (plan, sink, report) = done.map_err(fail)?;
+    let (plan, epochs, updates, report) = done.map_err(fail)?;
     for warning in &report.warnings {
         warn(py, warning)?;
     }
-    Ok(Solution {
-        states: sink.into_states(),
-        origin: plan.origin,
-        summary: summary(py, &report)?,
-    })
+    let summary = dictionary(py, serde_json::to_string(&report))?;
+    solution(py, epochs, &updates, plan.origin, &summary)
+}
+
+/// A recording is not written over by its own solution, whatever `overwrite` says.
+fn not_the_input(input: &Path, output: Option<&Path>) -> Result<(), Failure> {
+    let same = output.is_some_and(
+        |output| match (input.canonicalize(), output.canonicalize()) {
+            (Ok(a), Ok(b)) => a == b,
+            _ => false,
+        },
+    );
+    if !same {
+        return Ok(());
+    }
+    Err(Failure::new(
+        "output_is_input",
+        format!("output: {} is the log itself", input.display()),
+        "name another output",
+    )
+    .about(
+        "output",
+        input.display().to_string(),
+        "another file than the log",
+    ))
 }
 
 /// What is to be done with any source.
@@ -170,55 +220,64 @@ impl Job {
         &self,
         source: &impl Source,
         metadata: &[(&str, String)],
-    ) -> Result<(Plan, FileAndMemory, RunReport), Failure> {
+        stop: &Stop,
+    ) -> Result<(Plan, EpochColumns, Vec<UpdateRow>, RunReport), Failure> {
+        let source = &Stoppable::new(source, stop.asked());
         let plan = Plan::make(source, &self.config, &self.options)?;
         let mut options = plan.sink_options();
         options.force = self.overwrite;
         for (key, value) in metadata {
             options.metadata.insert((*key).to_owned(), value.clone());
         }
-        let mut sink = FileAndMemory::new(self.output.as_deref(), options)?;
+        if self.output.is_some() {
+            stop.writes();
+        }
+        source.proceed()?;
+        let mut sink = FileAndMemory::new(
+            self.output.as_deref(),
+            options,
+            plan.epochs_expected(),
+            stop,
+        )?;
         let report = plan.execute(source, &mut sink)?;
+        source.proceed()?;
         sink.finish_file()?;
-        Ok((plan, sink, report))
+        let (epochs, updates) = sink.into_solution();
+        Ok((plan, epochs, updates, report))
     }
 }
 
-fn read_options(
+/// How a log is read.
+pub(crate) fn read_options(
     topics: Option<BTreeMap<String, String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
 ) -> Result<ReadOptions, Failure> {
-    let unknown = |argument: &str, given: &str, known: &str| {
-        Failure::new(
-            "bad_option",
-            format!("{argument}: {given:?} is not known"),
-            format!("one of {known}"),
-        )
-    };
     let mut options = ReadOptions::default();
     for (key, topic) in topics.unwrap_or_default() {
-        let role = Role::from_key(&key)
-            .ok_or_else(|| unknown("topics", &key, &Role::ALL.map(Role::key).join(", ")))?;
+        let role = Role::from_key(&key).ok_or_else(|| {
+            Failure::unknown_word("topics", &key, &Role::ALL.map(Role::key).join(", "))
+        })?;
         options.topics.push((role, topic));
     }
     options.imu_axes = match imu_axes {
         None | Some("flu") => ImuAxes::Flu,
         Some("frd") => ImuAxes::Frd,
-        Some(other) => return Err(unknown("imu_axes", other, "flu, frd")),
+        Some(other) => return Err(Failure::unknown_word("imu_axes", other, "flu, frd")),
     };
     options.time_source = match time_source {
         None | Some("header") => TimeSource::Header,
         Some("log") => TimeSource::Log,
         Some("publish") => TimeSource::Publish,
-        Some(other) => return Err(unknown("time_source", other, "header, log, publish")),
+        Some(other) => {
+            return Err(Failure::unknown_word(
+                "time_source",
+                other,
+                "header, log, publish",
+            ));
+        }
     };
     Ok(options)
-}
-
-/// The report as a dictionary.
-fn summary(py: Python<'_>, report: &RunReport) -> PyResult<Py<PyDict>> {
-    Ok(dictionary(py, serde_json::to_string(report))?.unbind())
 }
 
 /// A report as a dictionary: by way of JSON, so that keys and values are those of the command.

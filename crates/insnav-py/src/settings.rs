@@ -5,7 +5,7 @@ use insnav_core::config::Config;
 use insnav_log::{LogSettings, load_config, parse_config};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use std::path::PathBuf;
 
 /// The settings, defaults where nothing is said.
@@ -45,7 +45,77 @@ pub(crate) fn for_reading(given: Option<&Bound<'_, PyAny>>) -> PyResult<LogSetti
     settings.map_err(|e| Failure::from(e).into_py_err(py))
 }
 
-fn table(mapping: &Bound<'_, PyMapping>, path: &str) -> PyResult<toml::Table> {
+/// The settings that are given, checked, as a mapping whatever they came as.
+///
+/// For whoever hands them on to other processes or computers: what is wrong is said once, and a file is read where it is.
+#[pyfunction]
+#[pyo3(signature = (config))]
+pub(crate) fn given_settings<'py>(
+    py: Python<'py>,
+    config: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    for_reading(config)?;
+    self::config(config)?;
+    let Some(given) = config else {
+        return Ok(PyDict::new(py).into_any());
+    };
+    let table = if let Ok(mapping) = given.cast::<PyMapping>() {
+        table(mapping, "config")?
+    } else {
+        let path: PathBuf = given.extract()?;
+        let text = std::fs::read_to_string(&path)?;
+        // Both readers have taken it, so that this is for a file that changes meanwhile.
+        text.parse().map_err(|e: toml::de::Error| {
+            Failure::new(
+                "config_syntax",
+                format!("{}: {e}", path.display()),
+                "see the documentation of TOML",
+            )
+            .into_py_err(py)
+        })?
+    };
+    object(py, toml::Value::Table(table))
+}
+
+/// A value as Python has it.
+pub(crate) fn object(py: Python<'_>, value: toml::Value) -> PyResult<Bound<'_, PyAny>> {
+    Ok(match value {
+        toml::Value::String(text) => text.into_pyobject(py)?.into_any(),
+        toml::Value::Integer(number) => number.into_pyobject(py)?.into_any(),
+        toml::Value::Float(number) => number.into_pyobject(py)?.into_any(),
+        toml::Value::Boolean(truth) => truth.into_pyobject(py)?.to_owned().into_any(),
+        // No setting is a date; as text it stays what it was.
+        toml::Value::Datetime(date) => date.to_string().into_pyobject(py)?.into_any(),
+        toml::Value::Array(items) => {
+            let list = PyList::empty(py);
+            for item in items {
+                list.append(object(py, item)?)?;
+            }
+            list.into_any()
+        }
+        toml::Value::Table(table) => {
+            let mapping = PyDict::new(py);
+            for (key, item) in table {
+                mapping.set_item(key, object(py, item)?)?;
+            }
+            mapping.into_any()
+        }
+    })
+}
+
+/// A mapping of that name as a table.
+pub(crate) fn mapping(given: &Bound<'_, PyAny>, name: &str) -> PyResult<toml::Table> {
+    let mapping = given.cast::<PyMapping>().map_err(|_| {
+        PyTypeError::new_err(format!(
+            "{name}: expected a mapping, not {}",
+            given.get_type()
+        ))
+    })?;
+    table(mapping, name)
+}
+
+/// A mapping as TOML; `path` is what errors call it.
+pub(crate) fn table(mapping: &Bound<'_, PyMapping>, path: &str) -> PyResult<toml::Table> {
     let mut table = toml::Table::new();
     for item in mapping.items()?.iter() {
         let (key, object): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;

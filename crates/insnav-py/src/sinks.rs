@@ -1,24 +1,38 @@
 //! One run into a file (if wanted) and into memory.
 
+use crate::epochs::EpochColumns;
+use crate::interrupt::Stop;
 use insnav_core::filter::Update;
 use insnav_core::sample::GnssPosition;
 use insnav_core::solution::{Epoch, Event, Sink};
 use insnav_core::time::Time;
-use insnav_log::ros2::State;
-use insnav_log::{LogError, McapSink, RunError, SinkOptions, SolutionSink, StateSink};
+use insnav_log::{LogError, McapSink, RunError, SinkOptions, SolutionSink, StateSink, UpdateRow};
 use std::path::Path;
 
 /// Gives everything to both. They thin out alike, so that what one wants the other wants.
-pub(crate) struct FileAndMemory {
+pub(crate) struct FileAndMemory<'a> {
+    stop: &'a Stop,
     file: Option<McapSink>,
-    memory: StateSink,
+    memory: StateSink<EpochColumns>,
+    updates: Vec<UpdateRow>,
 }
 
-impl FileAndMemory {
-    pub(crate) fn new(path: Option<&Path>, options: SinkOptions) -> Result<Self, LogError> {
-        let memory = StateSink::new(&options);
+impl<'a> FileAndMemory<'a> {
+    /// `stop`: whether somebody waits for the result still. `epochs`: how many there will be, about.
+    pub(crate) fn new(
+        path: Option<&Path>,
+        options: SinkOptions,
+        epochs: usize,
+        stop: &'a Stop,
+    ) -> Result<Self, LogError> {
+        let memory = StateSink::keeping(EpochColumns::with_capacity(epochs), &options);
         let file = path.map(|p| McapSink::create(p, options)).transpose()?;
-        Ok(FileAndMemory { file, memory })
+        Ok(FileAndMemory {
+            stop,
+            file,
+            memory,
+            updates: Vec::new(),
+        })
     }
 
     /// Complete the file, or say why it could not be written.
@@ -28,12 +42,17 @@ impl FileAndMemory {
             .map_or(Ok(()), |file| file.finish().map(drop))
     }
 
-    pub(crate) fn into_states(self) -> Vec<State<'static>> {
-        self.memory.into_states()
+    /// Epochs and measurements, in the order in which they came.
+    pub(crate) fn into_solution(self) -> (EpochColumns, Vec<UpdateRow>) {
+        (self.memory.into_kept(), self.updates)
     }
 }
 
-impl Sink for FileAndMemory {
+impl Sink for FileAndMemory<'_> {
+    fn is_over(&mut self) -> bool {
+        !self.stop.proceed()
+    }
+
     fn wants_epoch(&mut self, time: Time) -> bool {
         if let Some(file) = &mut self.file {
             file.wants_epoch(time);
@@ -52,6 +71,7 @@ impl Sink for FileAndMemory {
         if let Some(file) = &mut self.file {
             file.update(update);
         }
+        self.updates.push(UpdateRow::from(update));
     }
 
     fn event(&mut self, event: &Event) {
@@ -61,7 +81,7 @@ impl Sink for FileAndMemory {
     }
 }
 
-impl SolutionSink for FileAndMemory {
+impl SolutionSink for FileAndMemory<'_> {
     fn withheld(&mut self, fix: &GnssPosition) {
         if let Some(file) = &mut self.file {
             file.withheld(fix);

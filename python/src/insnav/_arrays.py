@@ -1,16 +1,20 @@
-"""The form of arrays in place of a log, and of a start in place of one found in the data."""
+"""The form of settings, of arrays in place of a log, and of a start in place of one found in the data."""
 
 from __future__ import annotations
 
-from typing import TypedDict
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any, TypeAlias, TypedDict
 
 from numpy.typing import ArrayLike
+
+Config: TypeAlias = Mapping[str, Any] | str | PathLike[str]
 
 
 class Arrays(TypedDict, total=False):
     """What :func:`insnav.run` takes in place of a log: for each kind of data a tuple of columns.
 
-    Every column is an array or what ``numpy.asarray`` takes, with one row per stamp. ``time_s`` has shape (n,) and does
+    Every column is an array or what ``numpy.asarray`` takes, with one row per stamp and no element masked. ``time_s`` has shape (n,) and does
     not go backward: seconds on one clock for all kinds, or ``datetime64``, which keeps stamps of today exact. ``n`` is
     north-east-down, ``b`` is forward-right-down.
 
@@ -22,7 +26,8 @@ class Arrays(TypedDict, total=False):
         In place of ``imu``: what was gained since the row before. Shapes (n,), (n, 3), (n, 3).
     gnss_position : (time_s, latitude_deg_longitude_deg_height_m[, sigma_n_m])
         Antenna position, height above the ellipsoid. Shapes (n,), (n, 3); standard deviations (n, 3), or (3,) for all
-        rows, NaN where not known.
+        rows, NaN where not known; or covariances (n, 3, 3) in squared units, likewise. Below zero they are refused: a
+        driver's -1 for "no estimate" is NaN here (of a log, variances of zero or below are taken for not known).
     gnss_velocity : (time_s, velocity_n_m_per_s[, sigma_n_m_per_s])
         Antenna velocity, down NaN for receivers that give speed and course only. Shapes as for positions.
     heading : (time_s, heading_deg, sigma_deg)
@@ -31,6 +36,12 @@ class Arrays(TypedDict, total=False):
         Somebody says whether the body stands, from then on. Shapes (n,).
     speed : (time_s, speed_m_per_s)
         How fast the wheels turn, whichever way. Shapes (n,).
+    magnetic_field : (time_s, field_b_tesla)
+        Of a magnetometer, for the heading of a start where nothing else tells it. Shapes (n,), (n, 3).
+    t0_ns : int
+        Instant from which ``time_s`` of all kinds counts, ns; it becomes that of the solution. Absent: 0. Dates are instants already.
+    lever_arm_b_m : (3,)
+        Antenna from the IMU, where the settings do not say it.
     """
 
     imu: tuple[ArrayLike, ArrayLike, ArrayLike]
@@ -40,6 +51,9 @@ class Arrays(TypedDict, total=False):
     heading: tuple[ArrayLike, ArrayLike, ArrayLike]
     standstill: tuple[ArrayLike, ArrayLike]
     speed: tuple[ArrayLike, ArrayLike]
+    magnetic_field: tuple[ArrayLike, ArrayLike]
+    t0_ns: int
+    lever_arm_b_m: ArrayLike
 
 
 class _StartTime(TypedDict, total=False):
@@ -54,7 +68,7 @@ class Start(_StartTime):
     Attributes
     ----------
     time_s : float, optional
-        Instant, on the scale of the solution's ``time_s``. Absent: the first inertial sample.
+        Instant, s, on the scale of the solution's ``time_s``: no date. Absent: the first inertial sample.
     latitude_deg_longitude_deg_height_m : (3,)
         Position of the IMU, height above the ellipsoid.
     velocity_n_m_per_s : (3,)

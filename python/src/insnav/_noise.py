@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
 
@@ -104,6 +107,27 @@ class AllanDeviation:
     deviation: Floats
     differences: NDArray[np.int64]
 
+    def plot(self, fit: AllanFit | None = None, ax: Axes | None = None, *, unit: str = "") -> Axes:
+        """Deviation over averaging time, both logarithmic (needs matplotlib).
+
+        Parameters
+        ----------
+        fit : AllanFit, optional
+            Of :func:`fit_allan`: adds the interval of each point, the fit, and its parts as lines of slope −1/2 (white noise), 0 (flicker)
+            and +1/2 (random walk), with their coefficients.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, in place of a new figure.
+        unit : str
+            Of the record, such as ``"rad/s"``, for labels.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from insnav._plot import allan
+
+        return allan(self, fit, ax, unit)
+
 
 @dataclass(frozen=True, eq=False)
 class AllanFit:
@@ -125,6 +149,8 @@ class AllanFit:
         The shortest averaging time that was used, s.
     fitted : (k,)
         Deviation of the fit at the averaging times that were given.
+    parts : (k, 3)
+        Those of white noise, flicker noise and random walk alone, whose squares add up to that of ``fitted``.
     interval : (k, 2)
         Confidence interval of each given deviation, one sigma.
     """
@@ -139,4 +165,28 @@ class AllanFit:
     dof: int
     from_tau_s: float
     fitted: Floats
+    parts: Floats
     interval: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RestStability:
+    """What a unit at rest shows by averaging time, in body axes.
+
+    Attributes
+    ----------
+    begin_s, end_s : float
+        The stretch that was looked at, s.
+    step_s : float
+        Step between samples, s.
+    gyro : three of (AllanDeviation, AllanFit)
+        Of each axis, rad/s.
+    accel : three of (AllanDeviation, AllanFit)
+        Of each axis, m/s².
+    """
+
+    begin_s: float
+    end_s: float
+    step_s: float
+    gyro: tuple[tuple[AllanDeviation, AllanFit], ...]
+    accel: tuple[tuple[AllanDeviation, AllanFit], ...]

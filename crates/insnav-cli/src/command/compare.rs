@@ -5,8 +5,8 @@ use crate::failure::{FAILED, Failure, WARNED};
 use crate::output::Output;
 use crate::text;
 use clap::Args;
-use insnav_core::metrics::{CompareOptions, Comparison, compare, orientation_mean};
-use insnav_log::{ComparedReference, ComparedSolution, Warning};
+use insnav_core::metrics::{Comparison, orientation_mean};
+use insnav_log::{ComparedReference, ComparedSolution, JudgeRequest, Judged, judge};
 use serde::Serialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -110,67 +110,10 @@ struct Row {
     name: String,
     solution: PathBuf,
     reference: PathBuf,
-    reference_at_antenna: bool,
     #[serde(flatten)]
-    comparison: Comparison,
+    judged: Judged,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     max: Vec<Checked>,
-    warnings: Vec<Warning>,
-}
-
-/// Errors of so many of their stated sigmas, squared, are no bad luck.
-const ABSURD_NEES: f64 = 25.0;
-/// Nor are sigmas of ten times the errors good luck over a whole drive.
-const IDLE_NEES: f64 = 0.01;
-/// Further away than this on average is another place, m.
-const ELSEWHERE_M: f64 = 1000.0;
-
-/// What makes one doubt that solution and reference belong together, or that either is what it says.
-fn doubts(name: &str, c: &Comparison) -> Vec<Warning> {
-    let mut found = Vec::new();
-    let mut warn = |code, message: String, remedy: &str| {
-        found.push(Warning {
-            code,
-            message: format!("{name}: {message}"),
-            remedy: remedy.into(),
-        });
-    };
-    if let Some(rms) = c.all.horizontal_rms_m.filter(|rms| *rms > ELSEWHERE_M) {
-        warn(
-            "reference_elsewhere",
-            format!("solution and reference are {rms:.0} m apart on average"),
-            "check that both are of the same drive, and that the reference has latitude and longitude in their columns",
-        );
-    }
-    let nees = &c.all.nees;
-    let of = [
-        ("position", nees.position),
-        ("velocity", nees.velocity),
-        ("attitude", nees.attitude),
-    ];
-    for (what, value) in of {
-        let Some(value) = value else { continue };
-        if value > ABSURD_NEES {
-            warn(
-                "nees_absurd",
-                format!(
-                    "the {what} errors are {:.0} times what the solution states (NEES {value:.0}, and 1 is right)",
-                    value.sqrt()
-                ),
-                "check clock, lever arm and mounting (`insnav info`, --reference-clock, --remove-mounting), and that the reference \
-                 itself is better than the stated sigmas",
-            );
-        } else if value < IDLE_NEES {
-            warn(
-                "nees_idle",
-                format!(
-                    "the {what} errors are far smaller than what the solution states (NEES {value:.4}, and 1 is right)"
-                ),
-                "the stated noise is too large, or the reference was made of the solution itself",
-            );
-        }
-    }
-    found
 }
 
 impl Compare {
@@ -205,7 +148,7 @@ impl Compare {
         if self.solution.is_dir() {
             let orientations = rows
                 .iter()
-                .filter_map(|r| r.comparison.orientation.as_ref());
+                .filter_map(|r| r.judged.comparison.orientation.as_ref());
             let mean = orientation_mean(orientations);
             let mut json = serde_json::json!({ "rows": rows });
             if mean.trials > 0 {
@@ -214,7 +157,7 @@ impl Compare {
             output.result(&json, || {
                 let named: Vec<(String, Comparison)> = rows
                     .iter()
-                    .map(|r| (r.name.clone(), r.comparison.clone()))
+                    .map(|r| (r.name.clone(), r.judged.comparison.clone()))
                     .collect();
                 text::tables(&named, &mean)
             });
@@ -223,14 +166,14 @@ impl Compare {
                 text::comparison(
                     &row.solution.display().to_string(),
                     &row.reference.display().to_string(),
-                    &row.comparison,
+                    &row.judged.comparison,
                 )
             });
         }
         let mut warned = false;
         for row in &rows {
-            output.warnings(&row.warnings);
-            warned |= !row.warnings.is_empty();
+            output.warnings(&row.judged.warnings);
+            warned |= !row.judged.warnings.is_empty();
         }
         for line in &failed {
             output.note("failed", line);
@@ -250,91 +193,32 @@ impl Compare {
     ) -> Result<Row, Failure> {
         let solution = ComparedSolution::read(&solution_path, None)?;
         let reference = ComparedReference::read(&reference_path, &solution)?;
-        let reference = match self.reference_clock {
-            ReferenceClock::Gnss => reference,
-            ReferenceClock::Imu => reference.delayed(solution.time_offset),
-        };
-        let options = CompareOptions {
-            origin: solution.origin,
-            from: self.from.map(|s| solution.origin.plus(s)),
-            to: self.to.map(|s| solution.origin.plus(s)),
-            lever_arm_b: solution.lever_arm_b,
-            reference_at_antenna: reference.at_antenna,
-            velocity_lag: if reference.at_antenna {
-                solution.velocity_lag
-            } else {
-                0.0
-            },
+        let request = JudgeRequest {
+            solution_name: solution_path.display().to_string(),
+            reference_name: reference_path.display().to_string(),
+            from_s: self.from,
+            to_s: self.to,
+            reference_on_imu_clock: self.reference_clock == ReferenceClock::Imu,
             remove_mounting: self.remove_mounting,
             align_earth: self.align_earth,
             course: self.course,
-            withheld: solution.withheld,
         };
-        let comparison = compare(&solution.track, &reference.points, &options);
-        if comparison.all.count == 0 {
-            return Err(Failure::new(
-                "no_overlap",
-                format!(
-                    "{} and {} have no instant in common{}: {}, {}",
-                    solution_path.display(),
-                    reference_path.display(),
-                    if self.from.is_some() || self.to.is_some() {
-                        " between --from and --to"
-                    } else {
-                        ""
-                    },
-                    extent(
-                        "solution",
-                        solution
-                            .track
-                            .points()
-                            .iter()
-                            .map(|p| p.time.since(options.origin))
-                    ),
-                    extent(
-                        "reference",
-                        reference
-                            .points
-                            .iter()
-                            .map(|p| p.time.since(options.origin))
-                    ),
-                ),
-                "check that both count seconds from the same origin (`convert --t0`), and --from and --to",
-            ));
-        }
-        let solution_name = solution_path.display().to_string();
+        let judged = judge(solution, reference, &request)?;
         let mut row = Row {
             name,
             solution: solution_path,
             reference: reference_path,
-            reference_at_antenna: reference.at_antenna,
-            warnings: reference
-                .warnings
-                .into_iter()
-                .chain(doubts(&solution_name, &comparison))
-                .collect(),
-            comparison,
+            judged,
             max: Vec::new(),
         };
-        let json =
-            serde_json::to_value(&row.comparison).expect("numbers and lists with string keys");
+        let json = serde_json::to_value(&row.judged.comparison)
+            .expect("numbers and lists with string keys");
         row.max = self
             .max
             .iter()
             .map(|l| check(&json, l))
             .collect::<Result<_, _>>()?;
         Ok(row)
-    }
-}
-
-fn extent(what: &str, seconds: impl Iterator<Item = f64>) -> String {
-    let (low, high) = seconds.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| {
-        (l.min(t), h.max(t))
-    });
-    if low > high {
-        format!("the {what} is empty")
-    } else {
-        format!("{what} from {low:.1} to {high:.1} s")
     }
 }
 
@@ -535,22 +419,6 @@ mod tests {
             "what is not known is not small"
         );
         assert_eq!(passed("horizontal_rms"), Err(crate::failure::USAGE));
-    }
-
-    #[test]
-    fn absurd_numbers_are_doubted() {
-        let codes = |change: fn(&mut Comparison)| {
-            let mut c = Comparison::default();
-            change(&mut c);
-            let codes: Vec<&str> = doubts("x", &c).iter().map(|w| w.code).collect();
-            codes.join(" ")
-        };
-        assert_eq!(codes(|_| ()), "");
-        assert_eq!(codes(|c| c.all.nees.position = Some(3.0)), "");
-        assert_eq!(codes(|c| c.all.nees.velocity = Some(30.0)), "nees_absurd");
-        assert_eq!(codes(|c| c.all.nees.attitude = Some(0.0)), "nees_idle");
-        let elsewhere = codes(|c| c.all.horizontal_rms_m = Some(5e6));
-        assert_eq!(elsewhere, "reference_elsewhere");
     }
 
     #[test]

@@ -23,6 +23,6 @@ pub(crate) use convert::Convert;
 pub(crate) use demo::{Demo, DemoReport};
 pub(crate) use info::{Info, LogReport, RunPreview, SeenBy, TopicReport};
 pub(crate) use noise::Noise;
-pub(crate) use reproduce::Reproduce;
+pub(crate) use reproduce::{Reproduce, belokurov2018, kozadaev2017, lobusov2014};
 pub(crate) use run::{Outcome, Run};
 pub(crate) use simulate::{Simulate, Simulated};

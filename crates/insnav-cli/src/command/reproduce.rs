@@ -1,10 +1,11 @@
 //! `insnav reproduce`: published experiments, made again.
 
+use crate::experiments::Order;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::reproduce::{
     AttitudeExperiment, AttitudeRequest, DriftExperiment, DriftRequest, DriveExperiment,
-    Experiment, Request, SLICE_S,
+    Experiment, Reproduced, Request, SLICE_S,
 };
 use crate::text;
 use clap::{Args, Subcommand};
@@ -151,14 +152,7 @@ impl Reproduce {
 impl Belokurov2018 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         check_plot(self.plot.as_deref(), self.force, output)?;
-        let real = self.imu.as_deref().map(attitude_record).transpose()?;
-        let all = std::thread::available_parallelism().map_or(1, usize::from);
-        let experiment = AttitudeExperiment::run(AttitudeRequest {
-            runs: self.runs as usize,
-            seed: self.seed,
-            jobs: self.jobs.map_or(all, usize::from),
-            real,
-        })?;
+        let experiment = self.experiment()?;
         if let Some(plot) = &self.plot {
             write_output(plot, experiment.figure()?.as_bytes(), self.force)
                 .map_err(|e| of_plot(e.into()))?;
@@ -172,15 +166,7 @@ impl Belokurov2018 {
 impl Kozadaev2017 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         check_plot(self.plot.as_deref(), self.force, output)?;
-        let record = self.imu.as_deref().map(record).transpose()?;
-        let all = std::thread::available_parallelism().map_or(1, usize::from);
-        let experiment = Experiment::run(Request {
-            runs: self.runs as usize,
-            seed: self.seed,
-            jobs: self.jobs.map_or(all, usize::from),
-            multi_stop: self.multi_stop,
-            record,
-        })?;
+        let experiment = self.experiment()?;
         if let Some(plot) = &self.plot {
             write_output(plot, experiment.figure().as_bytes(), self.force)
                 .map_err(|e| of_plot(e.into()))?;
@@ -194,27 +180,98 @@ impl Kozadaev2017 {
 impl Lobusov2014 {
     fn run(&self, output: &Output) -> Result<u8, Failure> {
         check_plot(self.plot.as_deref(), self.force, output)?;
-        let all = std::thread::available_parallelism().map_or(1, usize::from);
-        let usual = if self.drive { 10 } else { 100 };
-        let request = DriftRequest {
-            runs: self.runs.unwrap_or(usual) as usize,
-            seed: self.seed,
-            jobs: self.jobs.map_or(all, usize::from),
-        };
-        if self.drive {
-            let report = DriveExperiment::run(request)?.report();
-            output.result(&report, || text::reproduced(&report));
-            return Ok(0);
-        }
-        let experiment = DriftExperiment::run(request)?;
+        let report = self.report()?;
         if let Some(plot) = &self.plot {
             write_output(plot, DriftExperiment::figure()?.as_bytes(), self.force)
                 .map_err(|e| of_plot(e.into()))?;
         }
-        let report = experiment.report();
         output.result(&report, || text::reproduced(&report));
         Ok(0)
     }
+}
+
+impl Belokurov2018 {
+    fn experiment(&self) -> Result<AttitudeExperiment, Failure> {
+        AttitudeExperiment::run(AttitudeRequest {
+            runs: self.runs as usize,
+            seed: self.seed,
+            jobs: threads(self.jobs),
+            real: self.imu.as_deref().map(attitude_record).transpose()?,
+        })
+    }
+}
+
+impl Kozadaev2017 {
+    fn experiment(&self) -> Result<Experiment, Failure> {
+        Experiment::run(Request {
+            runs: self.runs as usize,
+            seed: self.seed,
+            jobs: threads(self.jobs),
+            multi_stop: self.multi_stop,
+            record: self.imu.as_deref().map(record).transpose()?,
+        })
+    }
+}
+
+impl Lobusov2014 {
+    fn report(&self) -> Result<Reproduced, Failure> {
+        let usual = if self.drive { 10 } else { 100 };
+        let request = DriftRequest {
+            runs: self.runs.unwrap_or(usual) as usize,
+            seed: self.seed,
+            jobs: threads(self.jobs),
+        };
+        Ok(if self.drive {
+            DriveExperiment::run(request)?.report()
+        } else {
+            DriftExperiment::run(request)?.report()
+        })
+    }
+}
+
+fn threads(jobs: Option<u16>) -> usize {
+    let all = || std::thread::available_parallelism().map_or(1, usize::from);
+    jobs.map_or_else(all, usize::from)
+}
+
+/// The table of `reproduce belokurov2018`.
+pub(crate) fn belokurov2018(order: Order<'_>) -> Result<Reproduced, Failure> {
+    let paper = Belokurov2018 {
+        runs: order.runs.unwrap_or(100),
+        seed: order.seed,
+        imu: order.imu.map(Path::to_path_buf),
+        plot: None,
+        force: false,
+        jobs: order.jobs,
+    };
+    Ok(paper.experiment()?.report())
+}
+
+/// The table of `reproduce kozadaev2017`.
+pub(crate) fn kozadaev2017(order: Order<'_>, multi_stop: bool) -> Result<Reproduced, Failure> {
+    let paper = Kozadaev2017 {
+        runs: order.runs.unwrap_or(100),
+        seed: order.seed,
+        imu: order.imu.map(Path::to_path_buf),
+        multi_stop,
+        plot: None,
+        force: false,
+        jobs: order.jobs,
+    };
+    Ok(paper.experiment()?.report())
+}
+
+/// The table of `reproduce lobusov2014`.
+pub(crate) fn lobusov2014(order: Order<'_>, drive: bool) -> Result<Reproduced, Failure> {
+    let paper = Lobusov2014 {
+        runs: order.runs,
+        seed: order.seed,
+        drive,
+        plot: None,
+        force: false,
+        jobs: order.jobs,
+    };
+    paper.report()
 }
 
 /// Nothing is computed for a drawing that cannot be written.

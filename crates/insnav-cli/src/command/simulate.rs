@@ -9,12 +9,11 @@ use clap::Args;
 use insnav_core::imu::ImuGrade;
 use insnav_core::sample::Sample;
 use insnav_core::sim::{GnssModel, Scenario, Simulation};
-use insnav_core::time::Time;
 use insnav_log::csv::write_truth;
 use insnav_log::{
-    LogWriter, LogWriterOptions, SCENARIO_EXAMPLE, ScenarioFile, check_output, is_standard_stream,
+    SCENARIO_EXAMPLE, ScenarioFile, check_output, is_standard_stream, simulated_truth,
+    write_simulated,
 };
-use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -147,36 +146,21 @@ const WAY_STEP_S: f64 = 0.1;
 /// Truth is written at this rate, Hz.
 const TRUTH_RATE_HZ: f64 = 10.0;
 
-/// The log as a recorder would have it: each message at the instant of its arrival.
+/// The log, with its progress on the terminal.
 pub(super) fn write_log(
     path: &Path,
     simulation: &Simulation,
     gnss: &GnssModel,
     force: bool,
 ) -> Result<(), Failure> {
-    let options = LogWriterOptions {
-        force,
-        t0: Some(simulation.trajectory.start()),
-        lever_arm_b: Some(Vector3::from(gnss.lever_arm_b_m)),
-        ..LogWriterOptions::default()
-    };
-    let mut writer = LogWriter::create(path, options)?;
     let all = simulation.samples.len() as u64;
     let progress = Progress::new(&path.display().to_string(), Some(all));
-    let late = gnss.latency_s - gnss.time_offset_s;
-    for (i, sample) in simulation.samples.iter().enumerate() {
-        let recorded: Time = if sample.is_inertial() {
-            sample.time()
-        } else {
-            sample.time().plus(late)
-        };
-        writer.write_recorded(sample, recorded)?;
+    write_simulated(path, simulation, gnss, force, |i| {
         if i % 4096 == 0 {
             progress.at(i as u64);
         }
-    }
-    writer.finish()?;
-    Ok(())
+        Ok(())
+    })
 }
 
 /// What really was, in seconds from the start on the clock of GNSS positions.
@@ -184,13 +168,7 @@ pub(super) fn truth<'a>(
     simulation: &'a Simulation,
     scenario: &'a Scenario,
 ) -> impl Iterator<Item = (f64, insnav_core::mechanization::NavState)> + 'a {
-    let start = simulation.trajectory.start();
-    let last = (scenario.duration_s.min(simulation.trajectory.duration()) * TRUTH_RATE_HZ) as u32;
-    (0..=last).map(move |i| {
-        let t = f64::from(i) / TRUTH_RATE_HZ;
-        let nav = simulation.truth_at(start.plus(t)).nav;
-        (t + scenario.gnss.time_offset_s, nav)
-    })
+    simulated_truth(simulation, scenario, TRUTH_RATE_HZ).map(|(t, truth)| (t, truth.nav))
 }
 
 #[cfg(test)]

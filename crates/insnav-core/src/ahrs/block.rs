@@ -1,9 +1,10 @@
 //! What is summed up between two corrections, in axes that do not turn.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Integrals over the samples of an interval, and sums over its fields.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Block {
     /// Length, s.
     pub(super) time: f64,

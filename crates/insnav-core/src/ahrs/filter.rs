@@ -18,11 +18,12 @@ use crate::time::Time;
 #[cfg(not(feature = "std"))]
 use nalgebra::{ComplexField, RealField};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A longer time without samples is not bridged: levelling begins anew, biases and calibration stay, s.
 const LONGEST_GAP: f64 = 0.5;
 /// Fields that may wait for an inertial sample.
-const FIELDS: usize = 16;
+const MOST_FIELDS: usize = 16;
 /// Share of the range at which a gyro saturates: calibration moves the limit by a few hundredths.
 const SATURATED: f64 = 0.97;
 /// What a saturated gyro may read too little, as a share of its range.
@@ -82,13 +83,13 @@ pub(super) struct Corrected {
 /// the gyros, the field that turns with the body and the field of the surroundings are states: on a body that turns at 5 rad/s a delay of
 /// 10 ms alone is 3° (`docs/ahrs.md`).
 ///
-/// Give fields before the first inertial sample that is later. Needs no heap.
-#[derive(Clone, Debug)]
+/// Give fields before the first inertial sample that is later. Needs no heap. Saved and read again (serde), it goes on bit for bit.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Ahrs {
     settings: AhrsSettings,
     phase: Phase,
     last: Option<ImuSample>,
-    fields: [MagneticField; FIELDS],
+    fields: [MagneticField; MOST_FIELDS],
     waiting: usize,
     state: State,
     covariance: Covariance,
@@ -107,7 +108,9 @@ pub struct Ahrs {
     saturated: bool,
     /// Mean square of the velocity per axis, as estimated, m²/s².
     velocity_squared: f64,
+    /// Of the last sample; the smoother takes it at once.
     #[cfg(feature = "std")]
+    #[serde(skip)]
     pub(super) corrected: Option<Corrected>,
     /// Whether a start lies before the next correction.
     #[cfg(feature = "std")]
@@ -117,7 +120,7 @@ pub struct Ahrs {
     pub(super) began: bool,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 enum Phase {
     Starting(Start),
     Running,
@@ -138,7 +141,7 @@ impl Ahrs {
             settings,
             phase: Phase::Starting(Start::new()),
             last: None,
-            fields: [nothing; FIELDS],
+            fields: [nothing; MOST_FIELDS],
             waiting: 0,
             state: State::at(UnitQuaternion::identity()),
             covariance: Self::unknown(&settings),
@@ -185,6 +188,16 @@ impl Ahrs {
         &self.settings
     }
 
+    /// Estimates of all states: attitude and magnetometer at the last sample, the others at the last correction.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Covariance of their errors at the last correction, in the order of [`AHRS_BLOCKS`](super::AHRS_BLOCKS).
+    pub fn covariance(&self) -> &Covariance {
+        &self.covariance
+    }
+
     /// Delay of the magnetometer behind the gyros with its standard deviation, s; `None` without a field.
     pub fn magnetometer_delay(&self) -> Option<(f64, f64)> {
         let at = super::state::DELAY;
@@ -220,7 +233,7 @@ impl Ahrs {
         if field.field_b == Vector3::zeros() {
             return Ok(());
         }
-        if self.waiting == FIELDS {
+        if self.waiting == MOST_FIELDS {
             // Inertial samples are missing; the oldest field is of least use.
             self.fields.rotate_left(1);
             self.waiting -= 1;

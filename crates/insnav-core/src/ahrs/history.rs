@@ -2,11 +2,12 @@
 
 use crate::attitude::exp;
 use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Samples that are kept: 0.2 s at 300 Hz; what is older is taken as turning on at the oldest rate.
 const KEPT: usize = 64;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Turn {
     /// Attitude at the end of the sample against an arbitrary one, gyros only.
     chain: UnitQuaternion<f64>,
@@ -17,11 +18,37 @@ struct Turn {
 }
 
 /// A ring of the last turns.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct History {
+    #[serde(with = "halves")]
     turns: [Turn; KEPT],
     last: usize,
     count: usize,
+}
+
+/// serde knows arrays up to 32.
+mod halves {
+    use super::{KEPT, Turn};
+    use serde::ser::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    const HALF: usize = KEPT / 2;
+
+    pub(super) fn serialize<S: Serializer>(turns: &[Turn; KEPT], s: S) -> Result<S::Ok, S::Error> {
+        let halves: (&[Turn; HALF], &[Turn; HALF]) = turns
+            .first_chunk()
+            .zip(turns.last_chunk())
+            .ok_or_else(|| S::Error::custom("two halves are no whole"))?;
+        halves.serialize(s)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<[Turn; KEPT], D::Error> {
+        let (first, last) = <([Turn; HALF], [Turn; HALF])>::deserialize(d)?;
+        Ok(core::array::from_fn(|i| match i.checked_sub(HALF) {
+            None => first[i],
+            Some(i) => last[i],
+        }))
+    }
 }
 
 impl History {

@@ -36,3 +36,4 @@ pub use saturation::gyro_range;
 pub use settings::{AhrsSettings, FieldSettings, RestSettings};
 #[cfg(feature = "std")]
 pub use smoother::{Smoother, smooth};
+pub use state::{AHRS_BLOCKS, State as AhrsState};

@@ -2,19 +2,20 @@
 
 use super::settings::RestSettings;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Time constant of mean and scatter, s.
 const MEAN: f64 = 0.5;
 
 /// Mean and scatter of rate and force, and for how long they have been those of rest.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Rest {
     rate: Running,
     force: Running,
     quiet_for: f64,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Running {
     mean: Vector3<f64>,
     variance: Vector3<f64>,

@@ -5,6 +5,7 @@ use crate::attitude::exp;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Fewest inertial samples.
 const FEWEST: usize = 2;
@@ -22,7 +23,7 @@ const GRAVITY_RANGE: f64 = 0.03;
 const HEADING_SIGMA: f64 = 0.02;
 
 /// Sums in the axes of the first sample.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Start {
     turned: UnitQuaternion<f64>,
     force: Vector3<f64>,

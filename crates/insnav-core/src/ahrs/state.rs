@@ -4,6 +4,7 @@ use crate::attitude::exp;
 #[cfg(feature = "std")]
 use crate::attitude::log;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Number of states.
 pub(super) const SIZE: usize = 21;
@@ -29,19 +30,41 @@ pub(super) type Errors = SVector<f64, SIZE>;
 /// Their covariance.
 pub(super) type Covariance = SMatrix<f64, SIZE, SIZE>;
 
+/// Where the error of each estimate stands in the covariance: name, first row, rows.
+///
+/// Attitude (level frame: true = Exp(θ) ∘ estimate, rad), gyro bias (body, rad/s), velocity about its mean (level frame, m/s),
+/// accelerometer bias (body, m/s²), horizontal and downward field of the Earth, field that turns with the body, field of the surroundings
+/// (level frame; all three in the magnetometer's unit), delay of the magnetometer (s).
+pub const AHRS_BLOCKS: [(&str, usize, usize); 8] = [
+    ("attitude", ATTITUDE, 3),
+    ("gyro_bias", GYRO_BIAS, 3),
+    ("velocity", VELOCITY, 3),
+    ("accel_bias", ACCEL_BIAS, 3),
+    ("field", FIELD, 2),
+    ("offset", OFFSET, 3),
+    ("disturbance", DISTURBANCE, 3),
+    ("delay", DELAY, 1),
+];
+
 /// Estimates of all states.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct State {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
     /// Body to level frame (magnetic north, east, down).
-    pub(super) attitude: UnitQuaternion<f64>,
-    pub(super) gyro_bias: Vector3<f64>,
-    pub(super) velocity: Vector3<f64>,
-    pub(super) accel_bias: Vector3<f64>,
-    /// North and down.
-    pub(super) field: Vector2<f64>,
-    pub(super) offset: Vector3<f64>,
-    pub(super) disturbance: Vector3<f64>,
-    pub(super) delay: f64,
+    pub attitude: UnitQuaternion<f64>,
+    /// Gyro bias, body, rad/s.
+    pub gyro_bias: Vector3<f64>,
+    /// Velocity about its mean, level frame, m/s.
+    pub velocity: Vector3<f64>,
+    /// Accelerometer bias, body, m/s².
+    pub accel_bias: Vector3<f64>,
+    /// Field of the Earth, north and down, in the magnetometer's unit; zero as long as none was seen.
+    pub field: Vector2<f64>,
+    /// Field that turns with the body (hard iron).
+    pub offset: Vector3<f64>,
+    /// Field of the surroundings, level frame.
+    pub disturbance: Vector3<f64>,
+    /// Delay of the magnetometer behind the gyros, s.
+    pub delay: f64,
 }
 
 impl State {
@@ -104,6 +127,16 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn blocks_follow_one_another_and_fill_the_vector() {
+        let mut next = 0;
+        for (name, at, count) in AHRS_BLOCKS {
+            assert_eq!(at, next, "{name}");
+            next += count;
+        }
+        assert_eq!(next, SIZE);
+    }
 
     #[test]
     fn less_undoes_corrected() {

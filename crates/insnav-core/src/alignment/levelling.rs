@@ -5,7 +5,7 @@ use crate::attitude::{Euler, exp};
 use crate::imu::{ImuNoise, STANDARD_GRAVITY};
 use crate::sample::{GnssPosition, GnssVelocity};
 use crate::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::vec::Vec;
 
 /// Standing is judged, and gravity averaged, in pieces of this length, s.
@@ -31,6 +31,11 @@ pub(super) struct Level {
     pub(super) q_level: UnitQuaternion<f64>,
     /// Standard deviation of roll and pitch, rad.
     pub(super) tilt_sigma: f64,
+    /// That part of it in which the accelerometers' biases have none.
+    pub(super) own_sigma: f64,
+    /// The mean rotation from the body, while forces were averaged, to the body of the first sample: it takes the accelerometers'
+    /// biases into the level. Zero where the level has nothing to do with them.
+    pub(super) turned: Matrix3<f64>,
     /// Mean angular rate while standing (bias plus Earth rate), rad/s, and the standard deviation of that mean.
     pub(super) standing_rate: Option<(Vector3<f64>, f64)>,
     /// Seconds of standing data.
@@ -57,15 +62,19 @@ pub(super) fn level(
         return Some(Level {
             q_level: from_force(&force),
             tilt_sigma: bias_tilt.hypot(noise_tilt),
+            own_sigma: noise_tilt,
+            turned: Matrix3::identity(),
             standing_rate: Some((rate, noise.gyro_white / span.sqrt())),
             standing_s: span,
         });
     }
-    let force = mean_force_b0(imu, MOVING_WINDOW)?;
+    let (force, turned) = mean_force_b0(imu, MOVING_WINDOW)?;
+    let own_sigma = UNKNOWN_ACCELERATION / STANDARD_GRAVITY;
     Some(Level {
         q_level: from_force(&force),
-        tilt_sigma: (UNKNOWN_ACCELERATION / STANDARD_GRAVITY)
-            .hypot(noise.accel_bias_sigma / STANDARD_GRAVITY),
+        tilt_sigma: own_sigma.hypot(noise.accel_bias_sigma / STANDARD_GRAVITY),
+        own_sigma,
+        turned,
         standing_rate: None,
         standing_s: 0.0,
     })
@@ -99,16 +108,19 @@ pub(super) fn level_with_velocity(
         .collect();
     // Forces are averaged in the axes of the first sample of the stretch: turn them back to those of the first of all.
     let before = rotation_over(imu, from.time);
-    let force = before * mean_force_b0(&inside, span)? - q_nb.inverse_transform_vector(&horizontal);
+    let (mean, turned) = mean_force_b0(&inside, span)?;
+    let force = before * mean - q_nb.inverse_transform_vector(&horizontal);
     // Velocity noise over the span, and the chord by which the heading's error turns the acceleration.
     let residual = 0.2 / span + 2.0 * (0.5 * heading_sigma).sin() * horizontal.norm();
     if residual > UNKNOWN_ACCELERATION {
         return None;
     }
-    let tilt_sigma = (residual / STANDARD_GRAVITY).hypot(noise.accel_bias_sigma / STANDARD_GRAVITY);
+    let own_sigma = residual / STANDARD_GRAVITY;
     Some(Level {
         q_level: from_force(&force),
-        tilt_sigma,
+        tilt_sigma: own_sigma.hypot(noise.accel_bias_sigma / STANDARD_GRAVITY),
+        own_sigma,
+        turned: before.to_rotation_matrix().into_inner() * turned,
         ..*level
     })
 }
@@ -123,20 +135,23 @@ pub(super) fn from_force(f: &Vector3<f64>) -> UnitQuaternion<f64> {
     .to_quaternion()
 }
 
-/// Mean specific force over the first `span` seconds, resolved in the body axes of the first sample.
-fn mean_force_b0(imu: &[Inertial], span: f64) -> Option<Vector3<f64>> {
+/// Mean specific force over the first `span` seconds, resolved in the body axes of the first sample, and the mean rotation into
+/// them.
+fn mean_force_b0(imu: &[Inertial], span: f64) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let first = imu.first()?.time;
     let (mut q, mut sum, mut time) = (UnitQuaternion::identity(), Vector3::zeros(), 0.0);
+    let mut turned = Matrix3::zeros();
     for pair in imu.windows(2) {
         let dt = pair[1].time.since(pair[0].time);
         q *= exp(&((pair[0].rate_b + pair[1].rate_b) * (0.5 * dt)));
         sum += q * pair[1].force_b * dt;
+        turned += q.to_rotation_matrix().into_inner() * dt;
         time += dt;
         if pair[1].time.since(first) >= span {
             break;
         }
     }
-    (time > 0.0).then(|| sum / time)
+    (time > 0.0).then(|| (sum / time, turned / time))
 }
 
 /// Rotation from the body at `until` to the body at the first sample.

@@ -15,14 +15,24 @@ mod moving_base;
 #[cfg(feature = "std")]
 mod rest;
 #[cfg(feature = "std")]
+mod single_source;
+#[cfg(feature = "std")]
 mod startup;
 #[cfg(feature = "std")]
 mod stops;
+#[cfg(feature = "std")]
+mod tied;
 #[cfg(feature = "std")]
 mod track;
 
 #[cfg(feature = "std")]
 pub use magnetic::EARTH_FIELD;
+#[cfg(feature = "std")]
+pub use moving_base::MovingBase;
+#[cfg(feature = "std")]
+pub use single_source::{
+    MagneticStart, MovingBaseOptions, level_from_force, magnetic_start, moving_base_start,
+};
 #[cfg(feature = "std")]
 pub use startup::Startup;
 #[cfg(feature = "std")]
@@ -35,6 +45,7 @@ use crate::filter::InitialSigma;
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
 use crate::time::Time;
+use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 
 /// Where the heading of a start came from.
@@ -70,6 +81,9 @@ pub struct Alignment {
     pub imu_errors: ImuErrors,
     /// Standard deviations of all that.
     pub sigma: InitialSigma,
+    /// Covariance of attitude (small rotation in n), gyro bias and accelerometer bias, in this order: what levels a start is wrong by
+    /// what the accelerometers are.
+    pub covariance: SMatrix<f64, 9, 9>,
     /// Seconds of standing data that levelled the start; 0 when it was levelled in motion.
     pub standing_s: f64,
     /// Where the heading came from.

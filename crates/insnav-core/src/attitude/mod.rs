@@ -6,4 +6,4 @@ mod euler;
 mod so3;
 
 pub use euler::{Euler, wrap_angle};
-pub use so3::{exp, left_jacobian, log, skew};
+pub use so3::{exp, exp_level, left_jacobian, left_jacobian_times, log, log_level, skew};

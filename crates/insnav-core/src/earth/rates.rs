@@ -6,6 +6,7 @@ use super::gravity;
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Rate of the Earth against inertial space, ω_ie resolved in n, rad/s (\[Groves13\] eq. 2.123).
 pub fn earth_rate_n(latitude: f64) -> Vector3<f64> {
@@ -21,7 +22,7 @@ pub fn transport_rate_n(at: &Geodetic, velocity_n: &Vector3<f64>) -> Vector3<f64
 }
 
 /// The Earth at one position: computed once a step, used by the mechanization and by its error dynamics.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LocalEarth {
     /// sin L.
     pub sin_latitude: f64,

@@ -7,7 +7,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::columns::{Columns, States};
-use super::layout::{Block, CAPACITY, Layout};
+use super::layout::{BASE, Block, CAPACITY, Layout};
 use super::transition::Transition;
 use crate::error::Result;
 use core::ops::Range;
@@ -105,6 +105,18 @@ impl Covariance {
         }
     }
 
+    /// Set the covariance of all open states, by row and column, taken as symmetric.
+    ///
+    /// The caller answers for it being positive semidefinite.
+    pub fn set_dense(&mut self, p: impl Fn(usize, usize) -> f64) {
+        let n = self.layout.len();
+        for i in 0..n {
+            for j in 0..n {
+                self.set(i, j, 0.5 * (p(i, j) + p(j, i)));
+            }
+        }
+    }
+
     /// Add an independent uncertainty to one open block.
     pub fn add<const N: usize>(&mut self, block: Block<N>, extra: &SMatrix<f64, N, N>) {
         let Some(at) = self.layout.offset(block) else {
@@ -116,6 +128,27 @@ impl Covariance {
                 self.set(at + i, at + j, x);
             }
         }
+    }
+
+    /// Turn the first two states of an open block by an angle, rad: P ← T P Tᵀ.
+    pub(super) fn turn(&mut self, block: Block<3>, angle: f64) {
+        let Some(a) = self.layout.offset(block) else {
+            return;
+        };
+        let (b, (s, c)) = (a + 1, angle.sin_cos());
+        let (aa, ab, bb) = (self.get(a, a), self.get(a, b), self.get(b, b));
+        for j in (0..self.layout.len()).filter(|j| *j != a && *j != b) {
+            let (x, y) = (self.get(a, j), self.get(b, j));
+            for (i, turned) in [(a, c * x - s * y), (b, s * x + c * y)] {
+                self.set(i, j, turned);
+                self.set(j, i, turned);
+            }
+        }
+        let across = c * s * (aa - bb) + (c * c - s * s) * ab;
+        self.set(a, a, c * c * aa - 2.0 * c * s * ab + s * s * bb);
+        self.set(b, b, s * s * aa + 2.0 * c * s * ab + c * c * bb);
+        self.set(a, b, across);
+        self.set(b, a, across);
     }
 
     /// Make all of it zero, of the same states.
@@ -143,74 +176,89 @@ impl Covariance {
     /// As [`Covariance::propagate`], with another diagonal of Q.
     #[inline]
     pub(super) fn propagate_with(&mut self, phi: &Transition, noise: &States) {
-        self.shear(Transition::POSITION_ROW, &phi.position);
-        self.shear(Transition::VELOCITY_ROW, &phi.velocity);
-        self.shear(Transition::ATTITUDE_ROW, &phi.attitude);
-        let n = self.layout.len();
-        let lanes = n.div_ceil(LANE).min(LANES);
+        self.shear::<{ Transition::POSITION_ROW }>(&phi.position);
+        self.shear::<{ Transition::VELOCITY_ROW }>(&phi.velocity);
+        self.shear::<{ Transition::ATTITUDE_ROW }>(&phi.attitude);
+        let n = self.layout.len().min(CAPACITY);
+        let lanes = n.div_ceil(LANE);
         let (decay, _) = phi.decay.as_chunks::<LANE>();
-        for (i, (row, factor)) in self.p.iter_mut().zip(&phi.decay).enumerate().take(n) {
+        for i in 0..n {
             // Columns before the slow states keep their values in fast rows: only the slow lanes are touched there.
             let first = if i < Transition::SLOW {
                 Transition::SLOW / LANE
             } else {
                 0
             };
-            for (x, decay) in row[..lanes].iter_mut().zip(decay).skip(first) {
+            let (row, factor) = (&mut self.p[i], phi.decay[i]);
+            for k in first..lanes {
                 for l in 0..LANE {
-                    x[l] *= factor * decay[l];
+                    row[k][l] *= factor * decay[k][l];
                 }
             }
         }
         // Noise last: added before a shear it would be sheared too.
         for (i, (row, noise)) in self.p.iter_mut().zip(noise).enumerate().take(n) {
-            row[i / LANE % LANES][i % LANE] += noise;
+            row.as_flattened_mut()[i] += noise;
         }
     }
 
-    /// P ← (I + E) P (I + E)ᵀ, where E fills the three rows from `row`.
+    /// P ← (I + E) P (I + E)ᵀ, where E fills the three rows from `ROW`.
     #[inline]
-    fn shear(&mut self, row: usize, e: &Columns<3>) {
-        debug_assert!(row + 3 <= self.layout.len());
+    fn shear<const ROW: usize>(&mut self, e: &Columns<3>) {
+        const { assert!(ROW + 3 <= BASE) };
         let lanes = self.layout.len().div_ceil(LANE).min(LANES);
-        for k in 0..lanes {
-            let mut sum = [self.p[row][k], self.p[row + 1][k], self.p[row + 2][k]];
-            for (j, g) in e.iter() {
-                let p = &self.p[j & (CAPACITY - 1)][k];
-                for a in 0..3 {
-                    for l in 0..LANE {
-                        sum[a][l] += g[a] * p[l];
-                    }
-                }
-            }
-            for a in 0..3 {
-                self.p[row + a][k] = sum[a];
-            }
+        // Two lanes at once where there are two: a column's values are then loaded half as often.
+        for pair in 0..lanes / 2 {
+            self.add_rows::<ROW, 2>(pair, e);
+        }
+        if lanes % 2 == 1 {
+            self.add_rows::<ROW, 1>(lanes - 1, e);
         }
         // The 3×3 block on the diagonal is multiplied from the right as well.
         let mut right = [[0.0; 3]; 3];
         for (j, g) in e.iter() {
             for a in 0..3 {
                 for b in 0..=a {
-                    right[a][b] += self.get(row + a, j) * g[b];
+                    right[a][b] += self.get(ROW + a, j) * g[b];
                 }
             }
         }
         for a in 0..3 {
             for b in 0..=a {
-                let x = self.get(row + a, row + b) + right[a][b];
-                self.set(row + a, row + b, x);
-                self.set(row + b, row + a, x);
+                let x = self.get(ROW + a, ROW + b) + right[a][b];
+                self.set(ROW + a, ROW + b, x);
+                self.set(ROW + b, ROW + a, x);
             }
         }
         // Mirrored lane by lane; the padding of the last one is zero on both sides.
         for k in 0..lanes {
             for l in 0..LANE {
                 for a in 0..3 {
-                    let x = self.p[row + a][k][l];
-                    self.set(k * LANE + l, row + a, x);
+                    let x = self.p[ROW + a][k][l];
+                    self.set(k * LANE + l, ROW + a, x);
                 }
             }
+        }
+    }
+
+    /// P ← (I + E) P in the `at`-th group of `WIDE` lanes, where E fills the three rows from `ROW`.
+    #[inline]
+    fn add_rows<const ROW: usize, const WIDE: usize>(&mut self, at: usize, e: &Columns<3>) {
+        const { assert!(LANES.is_multiple_of(WIDE)) };
+        let group = |row: &[[f64; LANE]; LANES]| row.as_chunks::<WIDE>().0[at % (LANES / WIDE)];
+        let mut sum = [0, 1, 2].map(|a| group(&self.p[ROW + a]));
+        for (j, g) in e.iter() {
+            let p = group(&self.p[j & (CAPACITY - 1)]);
+            for a in 0..3 {
+                for k in 0..WIDE {
+                    for l in 0..LANE {
+                        sum[a][k][l] += g[a] * p[k][l];
+                    }
+                }
+            }
+        }
+        for a in 0..3 {
+            self.p[ROW + a].as_chunks_mut::<WIDE>().0[at % (LANES / WIDE)] = sum[a];
         }
     }
 

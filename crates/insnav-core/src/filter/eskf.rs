@@ -1,12 +1,13 @@
 //! The error-state Kalman filter: nominal state, covariance, and the closed loop between them.
 
-use super::columns::{Columns, part};
+use super::columns::{Columns, States, part};
 use super::covariance::Covariance;
 use super::dynamics::fill_base;
 use super::gate::Gate;
-use super::held::mirror_held;
+use super::held::{mirror_held, turn_of};
 use super::layout::{
-    ACCEL_BIAS, ATTITUDE, BASE, Block, BlockInfo, GYRO_BIAS, Layout, POSITION, VELOCITY,
+    ACCEL_BIAS, ATTITUDE, BASE, Block, BlockInfo, CAPACITY, GYRO_BIAS, HELD_ATTITUDE, Layout,
+    POSITION, VELOCITY,
 };
 use super::nominal::{Calibration, Nominal};
 use super::optional::{Process, Processes, fill_optional};
@@ -79,6 +80,49 @@ pub struct InitialSigma {
     pub accel_bias: Vector3<f64>,
 }
 
+/// Intervals that [`Eskf::propagate_in_steps`] takes together are this long at most, s: two at 200 Hz, eleven at 1 kHz. What is as
+/// long by itself, as at 100 Hz, is taken alone, but for the rest of one that a measurement has cut. Two at 200 Hz may have a fifth of jitter.
+pub const COVARIANCE_STEP: f64 = 0.012;
+
+/// Motion over which the covariance has yet to be carried.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Ahead {
+    interval: Interval,
+    increment: Increment,
+}
+
+impl Ahead {
+    /// Both, one after the other. Coning between the increments is of no importance to errors.
+    fn and(&self, next: &Ahead) -> Self {
+        let (a, b) = (&self.increment, &next.increment);
+        Ahead {
+            interval: self.interval.and(&next.interval),
+            increment: Increment {
+                time: b.time,
+                dt: a.dt + b.dt,
+                rotation_b: a.rotation_b + b.rotation_b,
+                velocity_b: a.velocity_b + b.velocity_b,
+            },
+        }
+    }
+
+    /// Φ and Q.
+    fn fill(
+        &self,
+        phi: &mut Transition,
+        layout: &Layout,
+        noise: &ImuNoise,
+        errors: &ImuErrors,
+        processes: &Processes,
+    ) {
+        fill_base(phi, layout, &self.interval, noise);
+        if layout.len() > BASE || errors.has_scale() {
+            let (interval, increment) = (&self.interval, &self.increment);
+            fill_optional(phi, layout, interval, increment, errors, processes);
+        }
+    }
+}
+
 /// Error-state Kalman filter of a strapdown INS: 15 base states and the optional blocks of its layout.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Eskf {
@@ -86,6 +130,7 @@ pub struct Eskf {
     pub(super) covariance: Covariance,
     pub(super) noise: ImuNoise,
     pub(super) processes: Processes,
+    ahead: Option<Ahead>,
     #[serde(skip)]
     pub(super) phi: Transition,
     /// What each noise adds to the covariance, while somebody asks.
@@ -122,6 +167,7 @@ impl Eskf {
             covariance,
             noise,
             processes: Processes::default(),
+            ahead: None,
             phi: Transition::default(),
             #[cfg(feature = "std")]
             shares: None,
@@ -129,8 +175,10 @@ impl Eskf {
     }
 
     /// Give attitude, gyro bias and accelerometer bias one joint covariance, in this order, in place of their own; an
-    /// alignment's errors are not independent: its heading is wrong by what the gyros drift along east.
+    /// alignment's errors are not independent: its level is wrong by what the accelerometers' biases are, its heading by what the gyros
+    /// drift along east.
     pub fn set_joint_prior(&mut self, joint: &SMatrix<f64, 9, 9>) {
+        self.settle();
         let part = |i: usize, j: usize| joint.fixed_view::<3, 3>(i, j).into_owned();
         let covariance = &mut self.covariance;
         covariance.set_prior(ATTITUDE, &part(0, 0));
@@ -146,13 +194,14 @@ impl Eskf {
         &self.nominal
     }
 
-    /// Its covariance.
+    /// Its covariance; between the steps of [`Eskf::propagate_in_steps`], that of the last of them.
     pub fn covariance(&self) -> &Covariance {
         &self.covariance
     }
 
     /// The covariance, to open and close optional blocks.
     pub fn covariance_mut(&mut self) -> &mut Covariance {
+        self.settle();
         #[cfg(feature = "std")]
         if let Some(shares) = &mut self.shares {
             shares.lose();
@@ -162,6 +211,7 @@ impl Eskf {
 
     /// Add an independent uncertainty to one open block.
     pub fn widen<const N: usize>(&mut self, block: Block<N>, extra: &SMatrix<f64, N, N>) {
+        self.settle();
         #[cfg(feature = "std")]
         if let Some(shares) = &mut self.shares {
             shares.widen(block, extra);
@@ -172,6 +222,7 @@ impl Eskf {
     /// Sum up from here on what innovations say of the noise, on top of what was summed up before.
     #[cfg(feature = "std")]
     pub fn watch_noise(&mut self, sums: InnovationSums) {
+        self.settle();
         self.shares = Some(Shares::of(&self.covariance, self.nominal.nav.time, sums));
     }
 
@@ -184,6 +235,7 @@ impl Eskf {
     /// Sum up no longer, and tell what was.
     #[cfg(feature = "std")]
     pub fn take_noise(&mut self) -> Option<InnovationSums> {
+        self.settle();
         self.shares.take().map(|shares| shares.into_sums())
     }
 
@@ -199,6 +251,7 @@ impl Eskf {
     /// # Errors
     /// `Capacity` when there is no room.
     pub fn open<const N: usize>(&mut self, block: Block<N>, process: Process) -> Result<()> {
+        self.settle();
         let prior = SMatrix::from_diagonal(&SVector::from_fn(|i, _| {
             process.sigma[i] * process.sigma[i]
         }));
@@ -210,14 +263,23 @@ impl Eskf {
     /// Estimate an optional block no longer. What was found of it stays in use, but for the momentary error of the GNSS
     /// positions, of which nothing is known from here on.
     pub fn close<const N: usize>(&mut self, block: Block<N>) {
+        self.settle();
         self.covariance.close(block);
         if !self.covariance.layout().has(super::layout::GNSS_COLOUR) {
             self.nominal.calibration.gnss_colour_n = Vector3::zeros();
         }
     }
 
+    /// Take the truth to be `dx` away: the estimate moves (⊞), the covariance stays. For corrections found elsewhere, and for numerical
+    /// derivatives.
+    pub fn retract(&mut self, dx: &States) {
+        self.settle();
+        self.nominal = self.nominal.retract(self.covariance.layout(), dx);
+    }
+
     /// What is known beforehand of lever arm, mounting and the like.
     pub fn set_calibration(&mut self, calibration: Calibration) {
+        self.settle();
         self.nominal.calibration = calibration;
     }
 
@@ -228,6 +290,7 @@ impl Eskf {
 
     /// Scale factors of gyros and accelerometers that are known beforehand.
     pub(crate) fn set_scale(&mut self, gyro: Vector3<f64>, accel: Vector3<f64>) {
+        self.settle();
         let errors = &mut self.nominal.imu_errors;
         // A known start may bring its own.
         if !errors.has_scale() {
@@ -238,11 +301,13 @@ impl Eskf {
     /// The optional blocks that are open: name and unit, estimates and standard deviations, as many as the block has states.
     pub fn optional_states(&self) -> impl Iterator<Item = (BlockInfo, [f64; 3], [f64; 3])> + '_ {
         let layout = self.covariance.layout();
-        layout.optional().map(|(id, info, range)| {
+        let variance =
+            self.with_covariance(|p| core::array::from_fn::<_, CAPACITY, _>(|i| p.variance(i)));
+        layout.optional().map(move |(id, info, range)| {
             let sigma = core::array::from_fn(|a| {
                 let i = range.start + a;
                 if i < range.end {
-                    self.covariance.variance(i).max(0.0).sqrt()
+                    variance[i].max(0.0).sqrt()
                 } else {
                     0.0
                 }
@@ -253,10 +318,73 @@ impl Eskf {
 
     /// Move over one raw increment (sensor errors still inside).
     pub fn propagate(&mut self, raw: &Increment) {
+        self.settle();
         self.advance(raw, |_| {});
+        self.settle();
     }
 
-    /// Move over one raw increment; `seen` may change what the error dynamics see of it.
+    /// As [`Eskf::propagate`], but the covariance follows in steps of [`COVARIANCE_STEP`] at most, however fast the unit is: the
+    /// estimate moves over every increment, the dynamics of the errors are those of the mean motion over the step.
+    ///
+    /// Everything that changes the filter brings the covariance up to it first, and so does whatever tells of its sigmas but
+    /// [`Eskf::covariance`], for which there is [`Eskf::settle`]. Where steps end depends on the increments and on what is
+    /// measured, never on who asks.
+    pub fn propagate_in_steps(&mut self, raw: &Increment) {
+        let is_full = |ahead: &Ahead| ahead.interval.dt + raw.dt > COVARIANCE_STEP;
+        if self.ahead.as_ref().is_some_and(is_full) {
+            self.settle();
+        }
+        self.advance(raw, |_| {});
+        if self.ahead.as_ref().is_some_and(is_full) {
+            self.settle();
+        }
+    }
+
+    /// Carry the covariance to where the estimate is.
+    pub fn settle(&mut self) {
+        let Some(ahead) = self.ahead.take() else {
+            return;
+        };
+        ahead.fill(
+            &mut self.phi,
+            self.covariance.layout(),
+            &self.noise,
+            &self.nominal.imu_errors,
+            &self.processes,
+        );
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.propagate(&self.phi, &self.covariance, self.nominal.nav.time);
+        }
+        self.covariance.propagate(&self.phi);
+        self.decay();
+    }
+
+    /// Whether the covariance is where the estimate is.
+    pub fn is_settled(&self) -> bool {
+        self.ahead.is_none()
+    }
+
+    /// Look at the covariance where the estimate is, the filter left as it is.
+    #[inline]
+    pub(super) fn with_covariance<T>(&self, look: impl FnOnce(&Covariance) -> T) -> T {
+        let Some(ahead) = &self.ahead else {
+            return look(&self.covariance);
+        };
+        let mut phi = Transition::default();
+        ahead.fill(
+            &mut phi,
+            self.covariance.layout(),
+            &self.noise,
+            &self.nominal.imu_errors,
+            &self.processes,
+        );
+        let mut covariance = self.covariance.clone();
+        covariance.propagate(&phi);
+        look(&covariance)
+    }
+
+    /// Move over one raw increment, and leave the covariance behind; `seen` may change what the error dynamics see of it.
     #[inline]
     pub(super) fn advance(&mut self, raw: &Increment, seen: impl Fn(&mut Interval)) {
         if raw.dt <= 0.0 {
@@ -268,19 +396,14 @@ impl Eskf {
         let mut interval = self.nominal.nav.advance(&increment);
         self.nominal.acceleration_n = (self.nominal.nav.velocity_n - before) / raw.dt;
         seen(&mut interval);
-        let layout = self.covariance.layout();
-        fill_base(&mut self.phi, layout, &interval, &self.noise);
-        let errors = &self.nominal.imu_errors;
-        if layout.len() > BASE || errors.has_scale() {
-            let (phi, processes) = (&mut self.phi, &self.processes);
-            fill_optional(phi, layout, &interval, &increment, errors, processes);
-        }
-        #[cfg(feature = "std")]
-        if let Some(shares) = &mut self.shares {
-            shares.propagate(&self.phi, &self.covariance, self.nominal.nav.time);
-        }
-        self.covariance.propagate(&self.phi);
-        self.decay();
+        let ahead = Ahead {
+            interval,
+            increment,
+        };
+        self.ahead = Some(match &self.ahead {
+            None => ahead,
+            Some(before) => before.and(&ahead),
+        });
     }
 
     /// The estimates decay as their errors do.
@@ -321,6 +444,7 @@ impl Eskf {
         gate: &mut Gate,
     ) -> Result<Update> {
         const { assert!(M >= 1 && M <= 3) };
+        self.settle();
         let layout = self.covariance.layout();
         let Linearized {
             residual,
@@ -420,6 +544,91 @@ impl Eskf {
             Some(block) => self.covariance.correct_only(&innovation, &h, &r, block),
         };
         self.nominal = self.nominal.retract(self.covariance.layout(), &dx);
+        self.turn_level(turn_of(self.covariance.layout(), &dx));
         Ok(update)
+    }
+
+    /// The estimate was turned about Down: what was north of the level error is now north of it turned.
+    ///
+    /// With C = R_D(ψ) Exp(φ) Ĉ the errors left after a correction ψ^, φ^ are ψ − ψ^ and R_D(ψ^) (φ − φ^), but for products of
+    /// tilts. What ties the level to the biases, in body axes, is tied through Ĉ: if Ĉ turns and the level errors do not, the tie
+    /// is another, and gravity that has been used already seems to tell something new, the level without its bias. A heading that is
+    /// known is corrected by too little for that to matter; one of which nothing is known is not.
+    fn turn_level(&mut self, angle: f64) {
+        if angle == 0.0 {
+            return;
+        }
+        self.covariance.turn(ATTITUDE, angle);
+        self.covariance.turn(HELD_ATTITUDE, angle);
+        #[cfg(feature = "std")]
+        if let Some(shares) = &mut self.shares {
+            shares.turn_level(angle);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::LEVER_ARM;
+    use super::*;
+    use crate::attitude::Euler;
+    use crate::earth::Geodetic;
+    use crate::imu::ImuGrade;
+
+    fn filter() -> Eskf {
+        let nav = NavState {
+            time: Time(0),
+            position: Geodetic::from_degrees(50.0, 14.0, 300.0),
+            velocity_n: Vector3::new(3.0, -4.0, 0.5),
+            q_nb: Euler::from_degrees(1.0, 2.0, 30.0).to_quaternion(),
+        };
+        let sigma = InitialSigma {
+            position: Vector3::repeat(1.0),
+            velocity: Vector3::repeat(0.1),
+            attitude: Vector3::repeat(0.01),
+            gyro_bias: Vector3::repeat(1e-4),
+            accel_bias: Vector3::repeat(0.02),
+        };
+        Eskf::new(
+            nav,
+            ImuErrors::default(),
+            &sigma,
+            ImuGrade::Industrial.noise(),
+        )
+    }
+
+    #[test]
+    fn a_retracted_estimate_is_off_by_what_it_was_moved() {
+        let mut moved = filter();
+        moved.open(LEVER_ARM, Process::constant(0.1)).unwrap();
+        let before = moved.clone();
+        let mut dx = [0.0; super::super::layout::CAPACITY];
+        for (i, x) in dx.iter_mut().enumerate().take(BASE + 3) {
+            *x = 0.01 * (i as f64 - 7.5);
+        }
+        moved.retract(&dx);
+        let layout = before.covariance.layout();
+        let back = before.nominal.local(layout, &moved.nominal);
+        for (back, dx) in back.iter().zip(dx) {
+            // A longitude in radians resolves 1e-9 m.
+            assert!((back - dx).abs() < 1e-8, "{back} {dx}");
+        }
+        assert_eq!(moved.covariance, before.covariance);
+    }
+
+    #[test]
+    fn a_dense_covariance_is_set_as_it_is_read() {
+        let mut filter = filter();
+        filter.open(LEVER_ARM, Process::constant(0.1)).unwrap();
+        let p = SMatrix::<f64, 18, 18>::from_fn(|i, j| {
+            // Powers of two, so that sums with 1/8 are exact.
+            0.5f64.powi(i.abs_diff(j) as i32)
+        });
+        // Of what is not symmetric the mean is taken.
+        filter
+            .covariance_mut()
+            .set_dense(|i, j| p[(i, j)] + if i < j { 0.125 } else { -0.125 } * f64::from(i != j));
+        assert_eq!(filter.covariance.dense::<18>(), p);
+        assert_eq!(filter.covariance.dense::<19>()[(18, 18)], 0.0);
     }
 }

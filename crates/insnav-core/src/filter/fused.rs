@@ -33,6 +33,7 @@ impl Eskf {
     ///
     /// `false`, and nothing is changed, where what was known of the begin is no covariance that has an inverse.
     pub fn pass_stop(&mut self, stop: &FusedStop, settling: &Settling) -> bool {
+        self.settle();
         let before = self.before_stop();
         let rows = self.own_rows();
         // Unknowns differ by eight orders of magnitude.

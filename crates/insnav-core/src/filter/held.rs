@@ -5,7 +5,8 @@
 //! the way in and the way out are exact linear maps, with all cross-covariances (\[Kozadaev17\] eq. 9 to 12, who keeps the variance
 //! alone). P is singular by design meanwhile: nothing here inverts it.
 
-use super::columns::Columns;
+use super::columns::{Columns, States, part};
+use super::covariance::Covariance;
 use super::eskf::Eskf;
 use super::layout::{ATTITUDE, BASE, Block, HELD_ATTITUDE, HELD_HEADING, Layout};
 use crate::config::Bookkeeping;
@@ -13,6 +14,13 @@ use crate::error::Result;
 use nalgebra::{Matrix1, Matrix3, SMatrix};
 
 const DOWN: usize = 2;
+
+/// By how much a correction turns the estimate about Down, rad.
+pub(super) fn turn_of(layout: &Layout, dx: &States) -> f64 {
+    let attitude = part(layout, dx, ATTITUDE).unwrap_or_default().z;
+    let heading = part(layout, dx, HELD_HEADING).map_or(0.0, |x| x[0]);
+    attitude + heading + part(layout, dx, HELD_ATTITUDE).unwrap_or_default().z
+}
 
 /// What acts through the attitude error acts through its held part as well.
 pub(super) fn mirror_held<const M: usize>(columns: &mut Columns<M>, layout: &Layout) {
@@ -26,6 +34,7 @@ impl Eskf {
     /// # Errors
     /// `Capacity` when there is no room for it.
     pub fn hold_heading(&mut self, bookkeeping: Bookkeeping) -> Result<()> {
+        self.settle();
         let variance = self.down_variance();
         self.hold(DOWN, HELD_HEADING)?;
         if bookkeeping == Bookkeeping::VarianceOnly {
@@ -37,6 +46,7 @@ impl Eskf {
 
     /// Hold it no longer: both parts are one error again.
     pub fn release_heading(&mut self, bookkeeping: Bookkeeping) {
+        self.settle();
         match bookkeeping {
             Bookkeeping::Exact => self.covariance.merge(HELD_HEADING, ATTITUDE, DOWN),
             Bookkeeping::VarianceOnly => {
@@ -59,10 +69,12 @@ impl Eskf {
 
     /// Hold it no longer.
     pub fn release_attitude(&mut self) {
+        self.settle();
         self.covariance.merge(HELD_ATTITUDE, ATTITUDE, 0);
     }
 
     fn hold<const K: usize>(&mut self, axis: usize, block: Block<K>) -> Result<()> {
+        self.settle();
         self.covariance.split(ATTITUDE, axis, block)?;
         self.processes.set(block, super::Process::constant(0.0));
         self.nominal.held_q_nb = self.nominal.nav.q_nb;
@@ -79,9 +91,9 @@ impl Eskf {
     pub fn base_covariance(&self) -> SMatrix<f64, BASE, BASE> {
         let layout = self.covariance.layout();
         if !layout.has(HELD_HEADING) && !layout.has(HELD_ATTITUDE) {
-            return self.covariance.dense();
+            return self.with_covariance(Covariance::dense);
         }
-        let mut whole = self.covariance.clone();
+        let mut whole = self.with_covariance(Covariance::clone);
         whole.merge(HELD_HEADING, ATTITUDE, DOWN);
         whole.merge(HELD_ATTITUDE, ATTITUDE, 0);
         whole.dense()

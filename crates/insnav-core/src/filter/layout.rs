@@ -44,7 +44,7 @@ blocks! {
     0 POSITION: 3, "position", "m";
     /// Velocity error, NED.
     1 VELOCITY: 3, "velocity", "m/s";
-    /// Attitude error φ in n: `C = Exp(φ) Ĉ`.
+    /// Attitude error φ in n: `C = Exp(φ_D) Exp(φ_N, φ_E) Ĉ`, to first order `Exp(φ) Ĉ`.
     2 ATTITUDE: 3, "attitude", "rad";
     /// Gyro bias error, body axes.
     3 GYRO_BIAS: 3, "gyro_bias", "rad/s";
@@ -131,10 +131,17 @@ impl Layout {
     pub(super) fn optional(
         &self,
     ) -> impl Iterator<Item = (usize, BlockInfo, Range<usize>)> + use<> {
+        self.optional_ranges()
+            .map(|(id, range)| (id, BLOCKS[id], range))
+    }
+
+    /// Number and place alone: what every step asks for.
+    #[inline]
+    pub(super) fn optional_ranges(&self) -> impl Iterator<Item = (usize, Range<usize>)> + use<> {
         let at = self.at;
         (BASE_BLOCKS..BLOCKS.len()).filter_map(move |id| {
             let start = usize::from(at[id]);
-            (at[id] != CLOSED).then(|| (id, BLOCKS[id], start..start + BLOCKS[id].size))
+            (at[id] != CLOSED).then(|| (id, start..start + BLOCKS[id].size))
         })
     }
 

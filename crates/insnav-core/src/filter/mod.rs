@@ -20,7 +20,7 @@ mod update;
 pub use columns::{Columns, States, part};
 pub use covariance::{Covariance, Innovation};
 pub use dynamics::{GaussMarkov, fill_base};
-pub use eskf::{Eskf, InitialSigma, Linearized, Measurement};
+pub use eskf::{COVARIANCE_STEP, Eskf, InitialSigma, Linearized, Measurement};
 pub use gate::Gate;
 pub use layout::{
     ACCEL_BIAS, ACCEL_SCALE, ATTITUDE, AXLE, BASE, BLOCKS, Block, BlockInfo, CAPACITY,

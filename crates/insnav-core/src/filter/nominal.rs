@@ -6,7 +6,7 @@ use super::layout::{
     GYRO_BIAS, GYRO_SCALE, HELD_ATTITUDE, HELD_HEADING, LEVER_ARM, Layout, MOUNTING,
     ODOMETER_SCALE, POSITION, VELOCITY,
 };
-use crate::attitude::{exp, log};
+use crate::attitude::{exp_level, log_level};
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
@@ -48,13 +48,14 @@ pub struct Nominal {
 }
 
 impl Nominal {
-    /// ⊞: the truth, if the estimate is `self` and the error is `dx`. This defines every sign in the filter.
+    /// ⊞: the truth, if the estimate is `self` and the error is `dx`. This defines every sign in the filter. An attitude error tilts,
+    /// then turns about Down ([`exp_level`]).
     #[must_use]
     pub fn retract(&self, layout: &Layout, dx: &States) -> Self {
         let of = |block| part(layout, dx, block).unwrap_or_else(Vector3::zeros);
         // While an attitude is held, its constant error has states of its own beside those of what has happened since.
         let held = held(layout, dx);
-        let mut q_nb = exp(&(of(ATTITUDE) + held)) * self.nav.q_nb;
+        let mut q_nb = exp_level(&(of(ATTITUDE) + held)) * self.nav.q_nb;
         q_nb.renormalize_fast();
         let gyro_bias = of(GYRO_BIAS);
         let mut truth = Nominal {
@@ -75,7 +76,7 @@ impl Nominal {
         };
         if layout.len() > BASE || self.imu_errors.has_scale() {
             truth.retract_optional(self, layout, dx);
-            truth.held_q_nb = exp(&held) * self.held_q_nb;
+            truth.held_q_nb = exp_level(&held) * self.held_q_nb;
         }
         truth
     }
@@ -137,7 +138,7 @@ impl Nominal {
     /// ⊟: the error of `self` if `truth` is the truth, the inverse of [`Nominal::retract`]; closed blocks stay zero.
     pub fn local(&self, layout: &Layout, truth: &Nominal) -> States {
         let mut dx = [0.0; CAPACITY];
-        let held = log(&(truth.held_q_nb * self.held_q_nb.inverse()));
+        let held = log_level(&(truth.held_q_nb * self.held_q_nb.inverse()));
         if let Some(range) = layout.range(HELD_HEADING) {
             dx[range.start] = held.z;
         }
@@ -150,7 +151,7 @@ impl Nominal {
             (VELOCITY, truth.nav.velocity_n - self.nav.velocity_n),
             (
                 ATTITUDE,
-                log(&(truth.nav.q_nb * self.nav.q_nb.inverse())) - held,
+                log_level(&(truth.nav.q_nb * self.nav.q_nb.inverse())) - held,
             ),
             (
                 GYRO_BIAS,
@@ -193,8 +194,12 @@ impl Nominal {
 
     /// Multiply every optional estimate by its factor.
     pub(super) fn decay_optional(&mut self, layout: &Layout, decay: &States) {
+        // Constants, as most are.
+        if decay[BASE..layout.len()].iter().all(|d| *d == 1.0) {
+            return;
+        }
         let mut shrink = [0.0; CAPACITY];
-        for (id, _, range) in layout.optional() {
+        for (id, range) in layout.optional_ranges() {
             let value = self.optional_value(id);
             for (a, i) in range.enumerate() {
                 shrink[i] = value[a] * (decay[i] - 1.0);

@@ -91,11 +91,11 @@ pub(super) fn fill_processes(
     dt: f64,
     processes: &Processes,
 ) {
-    for (id, _, range) in layout.optional() {
-        let process = processes.0[id];
+    for (id, range) in layout.optional_ranges() {
+        let process = &processes.0[id];
+        let unit = GaussMarkov::over(dt, 1.0, process.tau);
         for (i, sigma) in range.zip(process.sigma.iter()) {
-            let step = GaussMarkov::over(dt, *sigma, process.tau);
-            (phi.decay[i], phi.noise[i]) = (step.decay, step.variance);
+            (phi.decay[i], phi.noise[i]) = (unit.decay, sigma * sigma * unit.variance);
         }
     }
 }

@@ -28,6 +28,7 @@ impl Eskf {
     /// the measured one would make the heading observable, which it is not. (At 0.08 m/s² of noise a heading known to 12° would
     /// be told as known to 3° after five minutes.)
     pub fn propagate_standing(&mut self, raw: &Increment, force: StandingForce) {
+        self.settle();
         #[cfg(feature = "std")]
         if let Some(shares) = &mut self.shares {
             shares.stand(raw.time);
@@ -36,13 +37,15 @@ impl Eskf {
             StandingForce::Gravity => self.advance(raw, |interval| {
                 interval.specific_force_n = Vector3::new(0.0, 0.0, -interval.earth.gravity());
             }),
-            StandingForce::Measured => self.propagate(raw),
+            StandingForce::Measured => self.advance(raw, |_| {}),
         }
+        self.settle();
     }
 
     /// Stay where the body is until `time`: position and attitude constant but for a small random walk, velocity zero. The
     /// errors are carried on by `dt`, which may lie behind.
     pub fn stay(&mut self, time: Time, dt: f64, settling: &Settling) {
+        self.settle();
         self.nominal.nav.time = time;
         self.nominal.nav.velocity_n = Vector3::zeros();
         self.nominal.acceleration_n = Vector3::zeros();
@@ -78,6 +81,7 @@ impl Eskf {
 
     /// Forget what the velocity has to do with anything else, and say how well it is known, m/s.
     pub fn forget_velocity(&mut self, sigma: f64) {
+        self.settle();
         let prior = Matrix3::from_diagonal_element(sigma * sigma);
         #[cfg(feature = "std")]
         if let Some(shares) = &mut self.shares {
@@ -89,6 +93,7 @@ impl Eskf {
     /// Turn the body by a rotation seen by the gyros over `dt` seconds, b axes, with the errors that their noise, bias and scale
     /// factors bring.
     pub fn turn(&mut self, rotation_b: &Vector3<f64>, dt: f64) {
+        self.settle();
         let earth_rate_n = earth_rate_n(self.nominal.nav.position.latitude);
         let to_n = self.nominal.nav.q_nb.to_rotation_matrix().into_inner();
         let q = exp(&(earth_rate_n * -dt)) * self.nominal.nav.q_nb * exp(rotation_b);

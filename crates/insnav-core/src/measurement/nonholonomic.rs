@@ -143,7 +143,8 @@ impl NonholonomicAid {
     /// As [`Eskf::update`].
     pub fn observe(&mut self, filter: &mut Eskf) -> Option<Result<Update>> {
         let now = filter.nominal().nav.time;
-        if self.last.is_some_and(|last| now.since(last) < INTERVAL) {
+        // It can wait for the end of a step of the covariance, which it would else cut.
+        if self.last.is_some_and(|last| now.since(last) < INTERVAL) || !filter.is_settled() {
             return None;
         }
         self.last = Some(now);

@@ -57,6 +57,9 @@ pub struct StandingRateModel {
     /// Whether the heading is known well enough to say where on the body the Earth's rate is: a linear filter must not look
     /// for a heading of which nothing is known. Else the variance has to cover the Earth's rate.
     pub earth_rate_tells: bool,
+    /// Where it does not tell: by how much a turn of the heading is in the rate nevertheless, 1/s, since the biases were found with that
+    /// heading (−P(b, φ_D)/P(φ_D)). The measurement then has nothing to do with the heading. Zero for biases that are independent.
+    pub by_heading: Vector3<f64>,
 }
 
 impl Measurement<3> for StandingRateModel {
@@ -68,8 +71,14 @@ impl Measurement<3> for StandingRateModel {
         let to_b = at.nav.q_nb.inverse().to_rotation_matrix().into_inner();
         let mut earth_rate_n = earth_rate_n(at.nav.position.latitude);
         if !self.earth_rate_tells {
-            // North is anywhere: its mean over all headings is none.
-            earth_rate_n.x = 0.0;
+            // North is anywhere: its mean over all headings is none, but for the part of it with which the biases were found.
+            let turned = to_b * earth_rate_n.cross(&Vector3::z());
+            let part = self.by_heading.dot(&turned) / turned.norm_squared();
+            earth_rate_n.x *= if part.is_finite() {
+                part.clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
         }
         let rate_b = to_b * earth_rate_n;
         let scale = at.imu_errors.gyro_scale.add_scalar(1.0);
@@ -81,6 +90,8 @@ impl Measurement<3> for StandingRateModel {
                 ATTITUDE,
                 &(Matrix3::from_diagonal(&scale) * by_attitude),
             );
+        } else {
+            h.put_axis(layout, ATTITUDE, 2, self.by_heading.into());
         }
         h.put(layout, GYRO_BIAS, &Matrix3::identity());
         h.put(layout, GYRO_SCALE, &Matrix3::from_diagonal(&rate_b));

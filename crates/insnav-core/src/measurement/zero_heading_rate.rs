@@ -17,6 +17,10 @@ use serde::{Deserialize, Serialize};
 /// The noise of that rate has gone into the attitude as well. With it accounted for (`Correlated`) the update undoes
 /// what the noise did to the heading, and is as good as a held heading; taken as independent (`Naive`) it holds the heading
 /// but believes that it has let it walk.
+///
+/// What the residual has to do with the level is taken at the rate of a body at rest, ω_ie. The measured one has its noise n in it,
+/// which is in the residual as (Ĉ n)_D whatever the level is: with (φ × Ĉ n)_D in H besides, the level would be told from
+/// noise, a hundred times a second (.57° as .50° after a minute, with a NEES of 1.6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZeroHeadingRateModel {
     /// Standard deviation of the rate over the interval, rad/s.
@@ -38,9 +42,9 @@ impl Measurement<1> for ZeroHeadingRateModel {
         let mut h = Columns::default();
         let down: Matrix1x3<f64> = axes_n.fixed_rows::<1>(2).into_owned();
         at.put_rate(&mut h, layout, &down);
-        // (φ × ω)_D.
-        h.put(layout, ATTITUDE, &Matrix1x3::new(rate_n.y, -rate_n.x, 0.0));
+        // (φ × ω)_D with the rate that a body at rest feels, ω = ω_ie.
         let earth = earth_rate_n(at.nav.position.latitude);
+        h.put(layout, ATTITUDE, &Matrix1x3::new(earth.y, -earth.x, 0.0));
         Linearized {
             residual: Vector1::new(earth.z - rate_n.z),
             h,

@@ -1,7 +1,7 @@
 //! Position, velocity and attitude, and how an increment moves them.
 
 use super::increment::Increment;
-use crate::attitude::{exp, left_jacobian};
+use crate::attitude::{exp, left_jacobian_times};
 use crate::earth::{Geodetic, LocalEarth};
 use crate::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -21,7 +21,7 @@ pub struct NavState {
 }
 
 /// One step of the mechanization as its error dynamics see it: mean values over the interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Length, s.
     pub dt: f64,
@@ -33,6 +33,22 @@ pub struct Interval {
     pub velocity_n: Vector3<f64>,
     /// The Earth at the middle.
     pub earth: LocalEarth,
+}
+
+impl Interval {
+    /// This interval and the next as one: means over both, and the Earth of the later.
+    #[must_use]
+    pub fn and(&self, next: &Interval) -> Self {
+        let dt = self.dt + next.dt;
+        let (before, after) = (self.dt / dt, next.dt / dt);
+        Interval {
+            dt,
+            specific_force_n: self.specific_force_n * before + next.specific_force_n * after,
+            axes_n: self.axes_n * before + next.axes_n * after,
+            velocity_n: self.velocity_n * before + next.velocity_n * after,
+            earth: next.earth,
+        }
+    }
 }
 
 impl NavState {
@@ -47,7 +63,7 @@ impl NavState {
         let start = LocalEarth::at(&self.position);
 
         // The gain of velocity by specific force, in the navigation axes of the begin.
-        let gain_n = self.q_nb * (left_jacobian(&increment.rotation_b) * increment.velocity_b);
+        let gain_n = self.q_nb * left_jacobian_times(&increment.rotation_b, &increment.velocity_b);
         let acceleration_at = |earth: &LocalEarth, v: &Vector3<f64>| {
             let coriolis = (earth.earth_rate_n() * 2.0 + earth.transport_rate_n(v)).cross(v);
             Vector3::new(0.0, 0.0, earth.gravity()) - coriolis

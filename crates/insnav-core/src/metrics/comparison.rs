@@ -83,27 +83,27 @@ pub struct Comparison {
 
 /// A constant attitude difference, whole or angle by angle.
 #[derive(Clone, Copy)]
-enum Mounting {
+pub(super) enum Mounting {
     Rotation(UnitQuaternion<f64>),
     Angles(Vector3<f64>),
 }
 
 /// A reference instant with the solution there.
-struct Pair<'a> {
-    reference: &'a ReferencePoint,
-    at: SolutionPoint,
-    at_velocity: SolutionPoint,
+pub(super) struct Pair<'a> {
+    pub(super) reference: &'a ReferencePoint,
+    pub(super) at: SolutionPoint,
+    pub(super) at_velocity: SolutionPoint,
 }
 
 impl Pair<'_> {
-    fn standing(&self) -> Option<bool> {
+    pub(super) fn standing(&self) -> Option<bool> {
         // A reference of positions alone cannot tell: then the solution's own speed has to.
         self.reference
             .standing()
             .or_else(|| Some(self.at.velocity_n?.xy().norm() < STANDING_SPEED))
     }
 
-    fn error(&self, mounting: Option<Mounting>) -> PointError {
+    pub(super) fn error(&self, mounting: Option<Mounting>) -> PointError {
         let mut at = self.at;
         if let (Some(Mounting::Rotation(m)), Some(q)) = (mounting, at.q_nb) {
             at.q_nb = Some(q * m.inverse());
@@ -116,27 +116,44 @@ impl Pair<'_> {
     }
 }
 
+impl CompareOptions {
+    /// What is not left out.
+    pub(super) fn inside(&self, reference: &[ReferencePoint]) -> Vec<ReferencePoint> {
+        let inside = |r: &&ReferencePoint| {
+            self.from.is_none_or(|from| r.time >= from) && self.to.is_none_or(|to| r.time <= to)
+        };
+        reference.iter().filter(inside).copied().collect()
+    }
+
+    /// The solution at the instants of the reference, and the mounting that is taken out, if any.
+    pub(super) fn pairs<'a>(
+        &self,
+        track: &Track,
+        reference: &'a [ReferencePoint],
+    ) -> (Vec<Pair<'a>>, Option<Mounting>) {
+        let arm = if self.reference_at_antenna {
+            self.lever_arm_b
+        } else {
+            Vector3::zeros()
+        };
+        let pairs = pairs(track, reference, &arm, self.velocity_lag);
+        let mounting = if self.remove_mounting {
+            mounting_of(pairs.iter())
+        } else {
+            None
+        };
+        (pairs, mounting)
+    }
+}
+
 /// Compare a solution with a reference (in order of time).
 pub fn compare(
     track: &Track,
     reference: &[ReferencePoint],
     options: &CompareOptions,
 ) -> Comparison {
-    let inside = |r: &&ReferencePoint| {
-        options.from.is_none_or(|from| r.time >= from) && options.to.is_none_or(|to| r.time <= to)
-    };
-    let reference: Vec<ReferencePoint> = reference.iter().filter(inside).copied().collect();
-    let arm = if options.reference_at_antenna {
-        options.lever_arm_b
-    } else {
-        Vector3::zeros()
-    };
-    let pairs = pairs(track, &reference, &arm, options.velocity_lag);
-    let mounting = if options.remove_mounting {
-        mounting_of(pairs.iter())
-    } else {
-        None
-    };
+    let reference = options.inside(reference);
+    let (pairs, mounting) = options.pairs(track, &reference);
     let statistics = |of: &mut dyn Iterator<Item = &Pair<'_>>| {
         let chosen: Vec<&Pair<'_>> = of.collect();
         let errors: Vec<PointError> = chosen.iter().map(|p| p.error(mounting)).collect();
@@ -153,7 +170,7 @@ pub fn compare(
                 .any(|i| (i.0..=i.1).contains(&p.reference.time))
         })),
         Withheld::Fixes(fixes) => {
-            let fixes: Vec<ReferencePoint> = fixes.iter().filter(inside).copied().collect();
+            let fixes = options.inside(fixes);
             statistics(
                 &mut self::pairs(track, &fixes, &options.lever_arm_b, options.velocity_lag).iter(),
             )

@@ -24,6 +24,8 @@ pub struct PointError {
     pub angles: Option<Vector3<f64>>,
     /// Axes of the solution's body in those of the reference's: q_nb(solution) = q_nb(reference) q.
     pub rotation: Option<UnitQuaternion<f64>>,
+    /// The same difference as a small rotation about north, east and down, rad: q_nb(solution) = Exp(rotation_n) q_nb(reference).
+    pub rotation_n: Option<Vector3<f64>>,
     position_nees: Option<Normalised>,
     velocity_nees: Option<Normalised>,
     attitude_nees: Option<Normalised>,
@@ -65,6 +67,7 @@ impl PointError {
             e.rotation = Some(should.inverse() * is);
             // true = Exp(φ) estimate, so −φ is the solution's error as a small rotation in n.
             let phi = log(&(should * is.inverse()));
+            e.rotation_n = Some(-phi);
             if let Some(p) = at.attitude_covariance_n {
                 e.attitude_nees = normalised(&phi, &p);
                 e.in_sigmas = e.in_sigmas.or(Some(in_sigmas(&phi, &p)));
@@ -72,9 +75,20 @@ impl PointError {
         }
         e
     }
+
+    /// eᵀ P⁻¹ e of position, velocity and attitude per component compared, with the reference's own sigmas in P; `None` without a
+    /// covariance. [`Nees`] is the mean of such numbers.
+    pub fn nees(&self) -> Nees {
+        let mean = |n: Option<Normalised>| n.map(|n| n.sum / n.components as f64);
+        Nees {
+            position: mean(self.position_nees),
+            velocity: mean(self.velocity_nees),
+            attitude: mean(self.attitude_nees),
+        }
+    }
 }
 
-fn squared(sigma: &Vector3<f64>) -> Matrix3<f64> {
+pub(super) fn squared(sigma: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_diagonal(&sigma.map(|s| if s.is_finite() { s * s } else { 0.0 }))
 }
 

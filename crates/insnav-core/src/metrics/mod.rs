@@ -11,6 +11,7 @@ mod estimate;
 mod mounting;
 mod orientation;
 mod reference;
+mod series;
 mod standing;
 mod track;
 
@@ -24,5 +25,6 @@ pub use orientation::{
     to_enu_flu,
 };
 pub use reference::{AttitudeReference, ReferencePoint};
+pub use series::{ErrorInstant, error_series};
 pub use standing::{DetectedStop, Stop, StopFinder, false_standing_s, stop_delays};
 pub use track::{SolutionPoint, Track};

@@ -19,6 +19,8 @@ use crate::config::{Config, VehicleKind};
 use crate::earth::Geodetic;
 use crate::earth::earth_rate_n;
 use crate::error::{Error, Result};
+#[cfg(doc)]
+use crate::filter::COVARIANCE_STEP;
 use crate::filter::{Eskf, GYRO_BIAS, InitialSigma, VELOCITY, Verdict};
 use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
@@ -219,7 +221,8 @@ impl Navigator {
         self.detector.set_origin(origin);
     }
 
-    /// The filter, once the run has begun.
+    /// The filter, once the run has begun. Under way its covariance may be up to [`COVARIANCE_STEP`] behind: [`Eskf::settle`]
+    /// carries that of a copy on.
     pub fn filter(&self) -> Option<&Eskf> {
         match &self.stage {
             Stage::Running(filter) => Some(filter),
@@ -352,9 +355,11 @@ impl Navigator {
             nav,
             imu_errors,
             sigma,
+            covariance,
             ..
         } = alignment;
         let mut filter = Eskf::new(nav, imu_errors, &sigma, self.noise);
+        filter.set_joint_prior(&covariance);
         self.optional.open(&mut filter)?;
         if let Some(sums) = self.watched.take() {
             filter.watch_noise(sums);
@@ -373,6 +378,9 @@ impl Navigator {
         self.scout(&samples);
         let mut outcome = Ok(());
         for sample in samples {
+            if sink.is_over() {
+                break;
+            }
             // One bad measurement must not cost the samples behind it.
             outcome = outcome.and(self.admit(sample, sink));
         }
@@ -386,10 +394,10 @@ impl Navigator {
         let (Stage::Running(filter), Some(first)) = (&self.stage, samples.first()) else {
             return;
         };
-        let belief = belief(filter);
+        let belief = || belief(filter);
         let until = first.time().plus(SCOUT);
         for sample in samples.iter().take_while(|s| s.time() <= until) {
-            self.detector.observe(sample, &belief);
+            self.detector.observe_asking(sample, belief);
             self.scouted = Some(sample.time());
         }
     }
@@ -458,10 +466,10 @@ impl Navigator {
         let Some(&next) = self.horizon.next_inertial(true) else {
             return Ok(());
         };
-        let belief = belief(filter);
+        let belief = || belief(filter);
         while let Some(sample) = self.horizon.look_ahead(next.time().plus(LOOK_AHEAD)) {
             if self.scouted.is_none_or(|until| sample.time() > until) {
-                self.detector.observe(sample, &belief);
+                self.detector.observe_asking(sample, belief);
             }
         }
         while let Some(notice) = self.detector.take_notice() {
@@ -629,7 +637,7 @@ fn held_over_gap(increment: &Increment) -> Increment {
     }
 }
 
-/// What the detector of stops may know of the filter.
+/// What the detector of stops may know of the filter; the covariance is that of the last step, 12 ms ago at most.
 fn belief(filter: &Eskf) -> Belief {
     let (nominal, covariance) = (filter.nominal(), filter.covariance());
     let of = |block| {

@@ -9,7 +9,7 @@ use super::standing::told;
 use crate::config::StationaryConfig;
 use crate::earth::earth_rate_n;
 use crate::error::Result;
-use crate::filter::{Eskf, GYRO_BIAS, Gate, POSITION, Settling, Update};
+use crate::filter::{ATTITUDE, Eskf, GYRO_BIAS, Gate, POSITION, Settling, Update};
 use crate::imu::ImuNoise;
 use crate::measurement::{StandingForceModel, StandingRateModel, ZeroVelocityAid};
 use crate::mechanization::Increment;
@@ -209,24 +209,34 @@ impl Resting {
     /// The mean rate with its variance: white noise, and what does not average out.
     fn rate_model(&self, sum: &Sum, filter: &Eskf) -> StandingRateModel {
         let white = self.gyro_white * self.gyro_white / sum.dt;
+        let nav = &filter.nominal().nav;
+        let to_b = nav.q_nb.inverse().to_rotation_matrix().into_inner();
+        let earth_rate_n = earth_rate_n(nav.position.latitude);
         let heading = filter.attitude_covariance_n()[(2, 2)];
-        let earth_rate_tells = heading < VAGUE_HEADING * VAGUE_HEADING;
+        let is_vague = heading >= VAGUE_HEADING * VAGUE_HEADING;
+        let covariance = filter.covariance();
+        let block = |with| covariance.block(GYRO_BIAS, with);
+        let mut known = block(GYRO_BIAS).unwrap_or_else(Matrix3::zeros).diagonal();
+        // What a vague heading has to do with the biases already is not looked for again: the rest of them has nothing to do with it.
+        let cross = block(ATTITUDE).map_or_else(Vector3::zeros, |c| c.column(2).into_owned());
+        let by_heading = if is_vague {
+            known -= cross.component_mul(&cross) / heading;
+            -cross / heading
+        } else {
+            Vector3::zeros()
+        };
         // A mean of coarse steps is off by up to half of one, however long it is taken; one value that repeats tells nothing.
         let mut lasting = self.rounding.sigma.map(|sigma| sigma * sigma);
-        if !earth_rate_tells {
-            let nav = &filter.nominal().nav;
-            let horizontal = earth_rate_n(nav.position.latitude).x;
-            let down_b = nav.q_nb.inverse_transform_vector(&Vector3::z());
+        if is_vague {
+            let horizontal = earth_rate_n.x;
+            let down_b = to_b.column(2);
             lasting += down_b.map(|d| 0.5 * horizontal * horizontal * (1.0 - d * d).max(0.0));
         }
-        let known = filter
-            .covariance()
-            .block(GYRO_BIAS, GYRO_BIAS)
-            .unwrap_or_else(Matrix3::zeros);
         StandingRateModel {
             angular_rate_b: sum.rotation_b / sum.dt,
-            variance: Vector3::from_fn(|i, _| white + not_below(lasting[i], known[(i, i)])),
-            earth_rate_tells,
+            variance: Vector3::from_fn(|i, _| white + not_below(lasting[i], known[i])),
+            earth_rate_tells: !is_vague,
+            by_heading,
         }
     }
 }

@@ -340,7 +340,7 @@ impl Standing {
         sink: &mut impl Sink,
     ) -> Result<()> {
         let Some(stop) = &mut self.stop else {
-            filter.propagate(raw);
+            filter.propagate_in_steps(raw);
             return Ok(());
         };
         // What lies before a known start has no part in the run: nothing is left of it but its time.
@@ -381,6 +381,7 @@ impl Standing {
 
     /// Before a measurement from outside: the errors are brought up to the instant.
     pub(super) fn catch_up(&mut self, filter: &mut Eskf) {
+        filter.settle();
         if self
             .stop
             .as_ref()

@@ -162,6 +162,11 @@ impl AllanFit {
     pub fn deviation(&self, tau_s: f64) -> f64 {
         self.spectrum().variance(tau_s).sqrt()
     }
+
+    /// Deviations of white noise, flicker noise and random walk alone: the root of the sum of their squares is that of the fit.
+    pub fn parts(&self, tau_s: f64) -> [f64; 3] {
+        self.spectrum().variances(tau_s).map(f64::sqrt)
+    }
 }
 
 /// Fit white noise, flicker noise and random walk to Allan deviations.

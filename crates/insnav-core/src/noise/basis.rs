@@ -2,12 +2,13 @@
 
 use super::Refusal;
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 use std::format;
 use std::string::String;
 use std::vec::Vec;
 
 /// Which covariance an unknown belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Block {
     /// Q, of the process noise w.
     Process,
@@ -27,11 +28,12 @@ pub enum Shape {
 }
 
 /// One factor θᵢ and its matrix Bᵢ.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unknown {
     /// Of which covariance.
     pub block: Block,
     /// Bᵢ, symmetric.
+    #[serde(with = "super::stored")]
     pub matrix: DMatrix<f64>,
     /// What errors and reports call it, like `Q[0,0]`.
     pub name: String,
@@ -40,7 +42,7 @@ pub struct Unknown {
 /// All unknowns: Q = Σ θᵢ Bᵢ over those of [`Block::Process`], R likewise.
 ///
 /// Known parts are unknowns with a value in [`SolveOptions::known`](super::SolveOptions): they move to the right-hand side.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Basis {
     process: usize,
     measurement: usize,

@@ -3,6 +3,7 @@
 use super::model::{powers_until_gone, shape, symmetric};
 use super::{Basis, Block, LinearModel, Refusal};
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 use std::string::String;
 use std::vec::Vec;
 
@@ -12,15 +13,75 @@ const RANK_TOLERANCE: f64 = 1e-10;
 const NAMED_COMPONENT: f64 = 1e-6;
 
 /// Lag covariances C₀ … C_J₋₁ of the innovations, as a linear function of the unknowns.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct Design {
+    #[serde(with = "super::stored")]
     columns: DMatrix<f64>,
     basis: Basis,
+    #[serde(with = "super::stored")]
     h: DMatrix<f64>,
+    #[serde(with = "super::stored")]
     closed: DMatrix<f64>,
     /// F̄ P Hᵀ − F L R for each unknown: the state's share in the next innovation, from which all lags follow.
+    #[serde(with = "super::stored::list")]
     shares: Vec<DMatrix<f64>>,
     lags: usize,
+}
+
+/// A [`Design`] as it is read, before its parts are held against each other.
+#[derive(Deserialize)]
+struct Stored {
+    #[serde(with = "super::stored")]
+    columns: DMatrix<f64>,
+    basis: Basis,
+    #[serde(with = "super::stored")]
+    h: DMatrix<f64>,
+    #[serde(with = "super::stored")]
+    closed: DMatrix<f64>,
+    #[serde(with = "super::stored::list")]
+    shares: Vec<DMatrix<f64>>,
+    lags: usize,
+}
+
+impl TryFrom<Stored> for Design {
+    type Error = &'static str;
+
+    fn try_from(stored: Stored) -> Result<Self, Self::Error> {
+        let Stored {
+            columns,
+            basis,
+            h,
+            closed,
+            shares,
+            lags,
+        } = stored;
+        let (p, n) = h.shape();
+        let rows = p.checked_mul(p).and_then(|each| each.checked_mul(lags));
+        let fits = columns.nrows() > 0
+            && !basis.is_empty()
+            && rows == Some(columns.nrows())
+            && columns.ncols() == basis.len()
+            && basis.size(Block::Measurement) == p
+            && basis.unknowns().iter().all(|unknown| {
+                let size = basis.size(unknown.block);
+                unknown.matrix.shape() == (size, size)
+            })
+            && closed.shape() == (n, n)
+            && shares.len() == basis.len()
+            && shares.iter().all(|share| share.shape() == (n, p));
+        if !fits {
+            return Err("a design with matrices of sizes that do not belong together");
+        }
+        Ok(Design {
+            columns,
+            basis,
+            h,
+            closed,
+            shares,
+            lags,
+        })
+    }
 }
 
 /// How well the unknowns can be told apart, of columns scaled to the same length.
@@ -261,5 +322,48 @@ pub(super) fn rank_report(columns: &DMatrix<f64>, basis: &Basis, wanted: &[usize
         },
         weakest,
         undetermined,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    #[test]
+    fn designs_whose_parts_do_not_belong_together_are_not_read() {
+        let model = LinearModel {
+            f: DMatrix::from_row_slice(2, 2, &[1.0, -0.1, 0.0, 0.95]),
+            g: DMatrix::identity(2, 2),
+            h: DMatrix::from_row_slice(1, 2, &[1.0, 0.0]),
+        };
+        let gain = DMatrix::from_row_slice(2, 1, &[0.3, -0.1]);
+        let basis = Basis::diagonal(2, 1);
+        let design = als_design(&model, &gain, &basis, 5).expect("stable");
+        let stored = serde_json::to_value(&design).expect("numbers");
+        let read = |value: &Value| serde_json::from_value::<Design>(value.clone());
+        let back = read(&stored).expect("the same");
+        assert_eq!(back.columns, design.columns);
+        let matrix = |rows: usize, columns: usize| json!({"rows": rows, "columns": columns, "values": std::vec![0.1; rows * columns]});
+        for (place, other) in [
+            ("/lags", json!(4)),
+            ("/lags", json!(0)),
+            ("/columns", matrix(5, 2)),
+            ("/columns", matrix(0, 3)),
+            ("/h", matrix(2, 2)),
+            ("/h", matrix(1, 3)),
+            ("/closed", matrix(2, 3)),
+            ("/shares/1", matrix(1, 2)),
+            ("/shares", json!([])),
+            ("/basis/measurement", json!(2)),
+            ("/basis/process", json!(1)),
+            ("/basis/unknowns", json!([])),
+            ("/basis/unknowns/0/matrix", matrix(1, 1)),
+        ] {
+            let mut wrong = stored.clone();
+            *wrong.pointer_mut(place).expect(place) = other;
+            let error = read(&wrong).expect_err(place).to_string();
+            assert!(error.contains("do not belong together"), "{place}: {error}");
+        }
     }
 }

@@ -3,10 +3,11 @@
 #[cfg(not(feature = "std"))]
 use nalgebra::ComplexField;
 use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 /// Sums of products νₖ₊ⱼ νₖᵀ for the lags j = 0 … `J` − 1 of an innovation of `P` components, one sample at a time.
 ///
-/// A fixed size, no allocation, no `std`. The innovations must come from one filter with a constant gain, after its transient;
+/// A fixed size, no allocation, no `std` ([`LagSums`](super::LagSums) is the same for sizes at run time). The innovations must come from one filter with a constant gain, after its transient;
 /// their mean is taken to be zero. What several runs show is added up: [`end_run`](Self::end_run) keeps the sums and forgets
 /// the samples, so that no product spans two runs.
 ///
@@ -28,56 +29,68 @@ pub struct LagAccumulator<const P: usize, const J: usize> {
     /// Sums of ν(k+j)[a] ν(k)[b], at `[b][a][j]`.
     sums: [[[f64; J]; P]; P],
     /// Sums of the weights of these products, and of their squares.
-    weights: Weights<J>,
-    squares: Weights<J>,
+    weights: Weights<[f64; J]>,
+    squares: Weights<[f64; J]>,
     retention: f64,
 }
 
 /// A sum of weights for each lag. All samples but the first ones of a run count at all lags alike: one number does for them.
-#[derive(Clone, Debug, PartialEq)]
-struct Weights<const J: usize> {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Weights<L> {
     /// Of samples with all lags before them.
     common: f64,
     /// Of others, by lag, in units of `scale`.
-    begins: [f64; J],
+    begins: L,
     scale: f64,
 }
 
-impl<const J: usize> Weights<J> {
-    fn new() -> Self {
+impl<L: AsRef<[f64]> + AsMut<[f64]>> Weights<L> {
+    /// None; `begins` are as many zeros as lags.
+    pub(super) fn new(begins: L) -> Self {
         Weights {
             common: 0.0,
-            begins: [0.0; J],
+            begins,
             scale: 1.0,
         }
     }
 
     /// A sample that has `filled` lags, itself among them; what was there is worth `retention` of it now.
-    fn push(&mut self, filled: usize, retention: f64) {
+    pub(super) fn push(&mut self, filled: usize, retention: f64) {
         self.common *= retention;
         self.scale *= retention;
-        if filled == J {
+        if filled == self.begins.as_ref().len() {
             self.common += 1.0;
             return;
         }
         // The unit back to one, before it is too small to divide by. Lags that reach before the run began have products with
         // zero: they count for nothing.
-        for (lag, weight) in self.begins.iter_mut().enumerate() {
+        for (lag, weight) in self.begins.as_mut().iter_mut().enumerate() {
             *weight = *weight * self.scale + f64::from(u8::from(lag < filled));
         }
         self.scale = 1.0;
     }
 
-    fn at(&self, lag: usize) -> f64 {
-        self.common + self.begins[lag] * self.scale
+    pub(super) fn at(&self, lag: usize) -> f64 {
+        self.common + self.begins.as_ref()[lag] * self.scale
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.common += other.common;
-        for (lag, weight) in self.begins.iter_mut().enumerate() {
-            *weight = *weight * self.scale + other.begins[lag] * other.scale;
+        let others = other.begins.as_ref();
+        for (lag, weight) in self.begins.as_mut().iter_mut().enumerate() {
+            *weight = *weight * self.scale + others[lag] * other.scale;
         }
         self.scale = 1.0;
+    }
+
+    /// Of how many products of full weight a mean is as good as, where `squares` are the sums of the squares: (Σw)² / Σw².
+    pub(super) fn count(&self, squares: &Self, lag: usize) -> f64 {
+        let sum = squares.at(lag);
+        if sum > 0.0 {
+            self.at(lag).powi(2) / sum
+        } else {
+            0.0
+        }
     }
 }
 
@@ -94,8 +107,8 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
             history: [[0.0; J]; P],
             filled: 0,
             sums: [[[0.0; J]; P]; P],
-            weights: Weights::new(),
-            squares: Weights::new(),
+            weights: Weights::new([0.0; J]),
+            squares: Weights::new([0.0; J]),
             retention: retention.clamp(0.0, 1.0),
         }
     }
@@ -150,12 +163,7 @@ impl<const P: usize, const J: usize> LagAccumulator<P, J> {
 
     /// Of how many products of full weight the mean at a lag is as good as: (Σw)² / Σw².
     pub fn count(&self, lag: usize) -> f64 {
-        let squares = self.squares.at(lag);
-        if squares > 0.0 {
-            self.weights.at(lag).powi(2) / squares
-        } else {
-            0.0
-        }
+        self.weights.count(&self.squares, lag)
     }
 }
 

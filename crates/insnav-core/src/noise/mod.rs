@@ -26,6 +26,8 @@ mod bartlett;
 mod basis;
 mod channel;
 #[cfg(feature = "std")]
+mod comparison;
+#[cfg(feature = "std")]
 mod cone;
 #[cfg(feature = "std")]
 mod design;
@@ -37,6 +39,8 @@ mod innovations;
 mod lag_accumulator;
 #[cfg(feature = "std")]
 mod lag_covariance;
+#[cfg(feature = "std")]
+mod lag_sums;
 #[cfg(feature = "std")]
 mod ltv;
 #[cfg(feature = "std")]
@@ -53,6 +57,8 @@ mod refusal;
 mod solve;
 #[cfg(feature = "std")]
 mod stability;
+#[cfg(feature = "std")]
+mod stored;
 
 #[cfg(feature = "std")]
 pub use adaptation::{
@@ -69,7 +75,11 @@ pub use als::{EstimateOptions, Identified, als_estimate};
 pub use attitude_model::bias_noise_per_step;
 #[cfg(feature = "std")]
 pub use basis::{Basis, Block, Shape, Unknown};
+#[cfg(feature = "std")]
+pub use channel::ChannelColumns;
 pub use channel::ChannelDesign;
+#[cfg(feature = "std")]
+pub use comparison::{ForgettingNoise, InnovationWindow};
 #[cfg(feature = "std")]
 pub use design::{Design, RankReport, als_design};
 #[cfg(feature = "std")]
@@ -80,6 +90,8 @@ pub use innovations::measurements_of_innovations;
 pub use lag_accumulator::LagAccumulator;
 #[cfg(feature = "std")]
 pub use lag_covariance::{LagCovariance, lag_covariance};
+#[cfg(feature = "std")]
+pub use lag_sums::LagSums;
 #[cfg(feature = "std")]
 pub use ltv::{Step, als_estimate_ltv};
 #[cfg(feature = "std")]

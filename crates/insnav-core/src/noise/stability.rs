@@ -31,11 +31,13 @@ impl Spectrum {
 
     /// Allan variance at τ.
     pub(super) fn variance(&self, tau: f64) -> f64 {
-        shapes(tau)
-            .iter()
-            .zip(&self.squares)
-            .map(|(a, s)| a * s)
-            .sum()
+        self.variances(tau).iter().sum()
+    }
+
+    /// What each of the three has in it.
+    pub(super) fn variances(&self, tau: f64) -> [f64; 3] {
+        let shapes = shapes(tau);
+        core::array::from_fn(|i| shapes[i] * self.squares[i])
     }
 
     /// Generalised autocovariance of the integral: second differences of it are those of the noise (\[Greenhall03\]).

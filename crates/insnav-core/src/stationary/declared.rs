@@ -61,11 +61,11 @@ impl Span {
 
     /// Ask the filter, which has come to `at`, until it agrees: a stop that is declared too early holds as soon as the
     /// body stands. That it contradicts is told once.
-    fn judge(&mut self, at: Time, belief: &Belief) -> Option<Notice> {
+    fn judge(&mut self, at: Time, belief: impl Fn() -> Belief) -> Option<Notice> {
         if self.from.is_some() || at < self.begin || self.end.is_some_and(|end| end <= at) {
             return None;
         }
-        let Some(nis) = contradicted(belief) else {
+        let Some(nis) = contradicted(&belief()) else {
             self.from = Some(if self.told { at } else { self.begin });
             return None;
         };
@@ -138,7 +138,7 @@ impl Declared {
     }
 
     /// The filter has come to `at`, or nearly, and believes this.
-    pub(super) fn judge(&mut self, at: Time, belief: &Belief) {
+    pub(super) fn judge(&mut self, at: Time, belief: &impl Fn() -> Belief) {
         let origin = self.origin.unwrap_or(at);
         let covering = self
             .intervals

@@ -189,7 +189,8 @@ impl InertialTests {
             force = y.fixed_rows::<3>(0).into_owned();
             rate = y.fixed_rows::<3>(3).into_owned();
         }
-        moved.long = self.long.push(dt, &force, &rate);
+        let one = Moments::of(dt, &force, &rate);
+        moved.long = self.long.push_one(&one);
         if self.kind == DetectorKind::Composite {
             self.tone.push(&force, &rate);
             if moved.long {
@@ -204,7 +205,7 @@ impl InertialTests {
         moved.short = self
             .short
             .as_mut()
-            .is_some_and(|short| short.push(dt, &force, &rate));
+            .is_some_and(|short| short.push_one(&one));
         moved
     }
 

@@ -136,7 +136,7 @@ impl SpeedWitness {
             .map(|speed| speed / limit)
             .reduce(f64::max);
         let alive = gnss.is_some_and(|g| g.1);
-        let contradiction = contradiction(belief) / CONTRADICTS;
+        let contradiction = || contradiction(belief) / CONTRADICTS;
         let bound = upper_bound(belief) / (EXCLUDES * limit);
         if bound < 1.0 {
             self.excluded = Some(now.plus(-LOOK_AHEAD));
@@ -147,10 +147,10 @@ impl SpeedWitness {
         let own = match (alive, wheels) {
             // A receiver that measures is believed before the filter.
             (true, _) => 0.0,
-            (false, None) if self.alone || was_slow => contradiction,
+            (false, None) if self.alone || was_slow => contradiction(),
             // Wheels stand on a ferry and on ice.
-            (false, Some(_)) => contradiction,
-            (false, None) => contradiction.max(bound),
+            (false, Some(_)) => contradiction(),
+            (false, None) => contradiction().max(bound),
         };
         Said {
             moving,

@@ -168,6 +168,11 @@ impl StopDetector {
 
     /// Take a sample. Stamps must not run backward.
     pub fn observe(&mut self, sample: &Sample, belief: &Belief) {
+        self.observe_asking(sample, || *belief);
+    }
+
+    /// As [`observe`](Self::observe), asking for the belief only when it matters.
+    pub(crate) fn observe_asking(&mut self, sample: &Sample, belief: impl Fn() -> Belief) {
         match sample {
             Sample::Imu(s) => {
                 self.inertial(s.time, belief, |_| (s.specific_force_b, s.angular_rate_b));
@@ -244,7 +249,7 @@ impl StopDetector {
     fn inertial(
         &mut self,
         now: Time,
-        belief: &Belief,
+        belief: impl Fn() -> Belief,
         reading: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
     ) {
         // After a start anew what waited is shown once more.
@@ -268,11 +273,11 @@ impl StopDetector {
             if moved.anew {
                 self.end(last);
             } else if moved.long || moved.short {
-                self.judge(now, belief, moved.long);
+                self.judge(now, &belief(), moved.long);
             }
         }
         let early = JUDGED_EARLY.max(1.5 * dt).min(LOOK_AHEAD);
-        self.declared.judge(now.plus(early - LOOK_AHEAD), belief);
+        self.declared.judge(now.plus(early - LOOK_AHEAD), &belief);
         self.advance(now.plus(-LOOK_AHEAD));
     }
 

@@ -39,7 +39,15 @@ impl Moments {
         self.rate_square += rate.norm_squared();
     }
 
-    fn add(&mut self, other: &Moments) {
+    /// Of one reading.
+    pub(super) fn of(dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> Self {
+        let mut one = Moments::default();
+        one.push(dt, force, rate);
+        one
+    }
+
+    /// Sums of both.
+    pub(super) fn add(&mut self, other: &Moments) {
         self.count += other.count;
         self.span += other.span;
         self.force += other.force;
@@ -113,8 +121,15 @@ impl Window {
     }
 
     /// Take a reading that stands for `dt` seconds; true when the window has moved on by a part.
+    #[cfg(test)]
     pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> bool {
-        self.open.push(dt, force, rate);
+        self.push_one(&Moments::of(dt, force, rate))
+    }
+
+    /// Take the sums over one reading, which two windows share; true when the window has moved on by a part.
+    pub(super) fn push_one(&mut self, one: &Moments) -> bool {
+        let dt = one.span;
+        self.open.add(one);
         if self.open.span + 0.5 * dt < self.length / PARTS {
             return false;
         }

@@ -1,8 +1,10 @@
-//! The two files of a comparison, read into what [`insnav_core::metrics`] takes.
+//! The two files of a comparison, read into what [`insnav_core::metrics`] takes, and judged.
 
+mod judge;
 mod reference;
 mod solution;
 
+pub use judge::{JudgeRequest, Judged, judge};
 pub use reference::ComparedReference;
 pub use solution::ComparedSolution;
 

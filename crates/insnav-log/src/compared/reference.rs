@@ -29,11 +29,7 @@ impl ComparedReference {
     pub fn read(path: &Path, solution: &ComparedSolution) -> Result<Self, LogError> {
         if is_mcap(path)? || is_tum(path)? {
             let other = ComparedSolution::read(path, solution.map_origin)?;
-            return Ok(ComparedReference {
-                points: of_solution(&other),
-                at_antenna: false,
-                warnings: Vec::new(),
-            });
+            return Ok(ComparedReference::of(&other));
         }
         if GnssFormat::of(path)? != GnssFormat::Csv {
             let options = GnssFileOptions {
@@ -43,6 +39,15 @@ impl ComparedReference {
             return Ok(of_receiver(GnssTrack::read(path, &options)?));
         }
         from_csv(&Table::read(path)?, solution.origin)
+    }
+
+    /// Another solution as a reference.
+    pub fn of(other: &ComparedSolution) -> Self {
+        ComparedReference {
+            points: of_solution(other),
+            at_antenna: false,
+            warnings: Vec::new(),
+        }
     }
 
     /// The same reference stamped `seconds` later.

@@ -67,7 +67,8 @@ impl ComparedSolution {
         Ok(ComparedSolution::of(&SolutionTable::read(path)?))
     }
 
-    fn of(table: &SolutionTable) -> Self {
+    /// Of a solution in memory; its metadata say how it was made.
+    pub fn of(table: &SolutionTable) -> Self {
         let origin = table
             .metadata
             .get(METADATA_T0)
@@ -91,6 +92,27 @@ impl ComparedSolution {
                 .metadata
                 .get("origin_lat_lon_deg_h_m")
                 .and_then(|text| map_origin(text)),
+        }
+    }
+}
+
+impl ComparedSolution {
+    /// Judge these stretches apart, whatever the file says: `120:150,300:330`, seconds from the origin.
+    pub fn set_withheld(&mut self, rule: &str) -> Result<(), String> {
+        let origin = self.origin;
+        match rule.parse()? {
+            Withhold::Intervals(intervals) => {
+                self.withheld = Withheld::Intervals(
+                    intervals
+                        .iter()
+                        .map(|(a, b)| (origin.plus(*a), origin.plus(*b)))
+                        .collect(),
+                );
+                Ok(())
+            }
+            other => Err(format!(
+                "{other} names fixes, not intervals: which they are only the file of the solution says"
+            )),
         }
     }
 }

@@ -14,6 +14,8 @@ const USUAL_FORCE: std::ops::Range<f64> = 0.9..1.1;
 const BEARABLE_FORCE: std::ops::Range<f64> = 0.7..1.4;
 /// Below this steadiness the force does not always point the same way, as gravity does.
 const STEADY: f64 = 0.8;
+/// Below this spread of its lengths the force has one length.
+const ONE_LENGTH: f64 = 0.1;
 /// A name for a factor must meet it as closely as this.
 const NEAR: f64 = 0.1;
 /// No gyro of a vehicle measures more, rad/s: 2000 °/s is the widest range on the market but for rockets.
@@ -36,23 +38,30 @@ pub(super) enum Force {
 }
 
 /// Judge the length of the force.
-pub(super) fn force(length: f64, steadiness: f64, interval: f64) -> Force {
+pub(super) fn force(length: f64, spread: f64, steadiness: f64, interval: f64) -> Force {
     let near = |value: f64| (length / value - 1.0).abs() < NEAR;
+    let of_a_name = || {
+        [("g", STANDARD_GRAVITY), ("mg", 1e-3 * STANDARD_GRAVITY)]
+            .into_iter()
+            .find(|(_, size)| near(STANDARD_GRAVITY / size))
+            .map(|(name, size)| Force::Unit(name, size))
+    };
     if USUAL_FORCE.contains(&(length / STANDARD_GRAVITY)) {
         return Force::Right;
     }
     if steadiness < STEADY {
-        // Tumbled in the hand, or gravity taken out: only the latter is small.
-        return if length < 0.5 * STANDARD_GRAVITY {
+        // Tumbled in the hand, or gravity taken out: only the latter is small, and what is left then has any length.
+        let tumbled = of_a_name().filter(|_| spread < ONE_LENGTH);
+        return if let Some(unit) = tumbled {
+            unit
+        } else if length < 0.5 * STANDARD_GRAVITY {
             Force::NoGravity
         } else {
             Force::Unknown
         };
     }
-    if near(1.0) {
-        Force::Unit("g", STANDARD_GRAVITY)
-    } else if near(1000.0) {
-        Force::Unit("mg", 1e-3 * STANDARD_GRAVITY)
+    if let Some(unit) = of_a_name() {
+        unit
     } else if near(STANDARD_GRAVITY * interval) {
         Force::Increments
     } else if length < 0.3 {
@@ -70,7 +79,12 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
         return found;
     }
     let m = &facts.motion;
-    let force = force(m.force_length, m.steadiness, blocks.interval);
+    let force = force(
+        m.force_length,
+        m.force_spread,
+        m.steadiness,
+        blocks.interval,
+    );
     let rate = rate_factor(facts);
     let units = facts.options().imu_units;
     // One argument for both, or mending one would leave the other.
@@ -98,7 +112,14 @@ pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
             Finding::new(
                 if name == "g" { "imu_in_g" } else { "imu_in_mg" },
                 Severity::Fatal,
-                format!("the specific force is {length:.3} most of the time and always points the same way: gravity in {name}, not in m/s²"),
+                format!(
+                    "the specific force is {length:.3} most of the time and {}: gravity in {name}, not in m/s²",
+                    if m.steadiness < STEADY {
+                        "of that length whichever way the unit is turned"
+                    } else {
+                        "always points the same way"
+                    }
+                ),
                 format!("{level}: gravity would be taken for {:.0} % of what it is", 100.0 * length / STANDARD_GRAVITY),
             )
             .flag(flag.clone()),
@@ -268,17 +289,20 @@ mod tests {
         let g = STANDARD_GRAVITY;
         // The sizes that the recordings show at rest: 9.75 to 9.98.
         for real in [9.75, 9.98, 0.95 * g, 1.05 * g] {
-            assert_eq!(force(real, 0.99, 0.01), Force::Right);
+            assert_eq!(force(real, 0.02, 0.99, 0.01), Force::Right);
         }
-        assert_eq!(force(1.01, 0.99, 0.01), Force::Unit("g", g));
-        assert_eq!(force(995.0, 0.99, 0.01), Force::Unit("mg", 1e-3 * g));
-        assert_eq!(force(g / 100.0, 0.99, 0.01), Force::Increments);
-        assert_eq!(force(g / 200.0, 0.99, 0.005), Force::Increments);
-        assert_eq!(force(0.05, 0.95, 0.01), Force::NoGravity);
-        assert_eq!(force(0.9, 0.2, 0.01), Force::NoGravity);
-        assert_eq!(force(2048.0, 0.99, 0.01), Force::Factor(g / 2048.0));
+        assert_eq!(force(1.01, 0.02, 0.99, 0.01), Force::Unit("g", g));
+        assert_eq!(force(995.0, 0.02, 0.99, 0.01), Force::Unit("mg", 1e-3 * g));
+        assert_eq!(force(g / 100.0, 0.02, 0.99, 0.01), Force::Increments);
+        assert_eq!(force(g / 200.0, 0.02, 0.99, 0.005), Force::Increments);
+        assert_eq!(force(0.05, 0.6, 0.95, 0.01), Force::NoGravity);
+        assert_eq!(force(0.9, 0.6, 0.2, 0.01), Force::NoGravity);
+        assert_eq!(force(2048.0, 0.02, 0.99, 0.01), Force::Factor(g / 2048.0));
         // In the hand.
-        assert_eq!(force(12.0, 0.3, 0.01), Force::Unknown);
+        assert_eq!(force(12.0, 0.3, 0.3, 0.01), Force::Unknown);
+        // In the hand too, but of one length: gravity in g. The 0.9 above, which is as near to 1, has all lengths.
+        assert_eq!(force(1.0, 0.02, 0.2, 0.01), Force::Unit("g", g));
+        assert_eq!(force(1000.0, 0.02, 0.2, 0.01), Force::Unit("mg", 1e-3 * g));
         assert_eq!(rounded(9.80665 / 2048.0), 4.788e-3);
     }
 }

@@ -12,11 +12,13 @@ mod imu_units;
 mod motion;
 mod mounting;
 mod position_sigma;
+mod positions;
 mod sigma_missing;
 mod stamps;
 mod velocity;
 
 pub(crate) use blocks::{BlockMeter, Blocks};
+pub use positions::why_no_place;
 pub(crate) use stamps::step_of;
 
 use crate::{Estimate, ImuAxes, ReadOptions, Role, Survey, TopicStatistics, Warning};
@@ -169,9 +171,14 @@ impl<'a> Facts<'a> {
 pub(crate) fn all(facts: &Facts<'_>) -> Vec<Finding> {
     let mut found = Vec::new();
     found.extend(imu_units::find(facts));
-    found.extend(mounting::find(facts));
-    found.extend(velocity::find(facts));
-    found.extend(position_sigma::find(facts));
+    let misread = positions::find(facts);
+    // What else is judged by the positions would be judged wrongly.
+    if !misread.iter().any(|f| f.severity == Severity::Fatal) {
+        found.extend(mounting::find(facts));
+        found.extend(velocity::find(facts));
+        found.extend(position_sigma::find(facts));
+    }
+    found.extend(misread);
     found.extend(frozen::find(facts));
     found.extend(of_topics(facts.source, facts.origin));
     found.extend(sigma_missing::find(facts));

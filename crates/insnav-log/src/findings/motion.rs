@@ -45,6 +45,8 @@ pub(super) struct Motion {
     pub(super) mean_force: Vector3<f64>,
     /// Middle one of the lengths of the specific force while the unit turns least, m/s².
     pub(super) force_length: f64,
+    /// Half of what the middle two thirds of these lengths span, by the middle one: gravity has one length, whichever way it points.
+    pub(super) force_spread: f64,
     /// Length of the mean force by the mean length: 1 when the force always points the same way.
     pub(super) steadiness: f64,
 }
@@ -89,6 +91,8 @@ impl Motion {
                 .sum::<Vector3<f64>>()
                 / blocks.len() as f64;
             motion.force_length = quantile(&mut lengths, 0.5);
+            let [low, high] = [1.0 / 6.0, 5.0 / 6.0].map(|share| quantile(&mut lengths, share));
+            motion.force_spread = 0.5 * (high - low) / motion.force_length.max(1e-300);
             motion.steadiness = motion.mean_force.norm() / mean_length.max(1e-300);
         }
         let fixes = &survey.positions;

@@ -21,7 +21,12 @@ const COHERENT: f64 = 0.5;
 pub(super) fn find(facts: &Facts<'_>) -> Vec<Finding> {
     let m = &facts.motion;
     let blocks = &facts.survey.imu_blocks;
-    let judged = force(m.force_length, m.steadiness, blocks.interval);
+    let judged = force(
+        m.force_length,
+        m.force_spread,
+        m.steadiness,
+        blocks.interval,
+    );
     let points_one_way = m.steadiness > 0.8 && blocks.blocks.len() >= 10;
     if !points_one_way || matches!(judged, Force::NoGravity | Force::Unknown) {
         return Vec::new();

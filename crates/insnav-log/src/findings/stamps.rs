@@ -1,7 +1,7 @@
 //! What is wrong with the stamps of topics, and messages that hold nothing.
 
 use super::fit::quantile;
-use super::{Finding, Severity, SourceFacts};
+use super::{Finding, Severity, SourceFacts, why_no_place};
 use crate::{Role, TimeSource, TopicStatistics};
 use insnav_core::time::Time;
 
@@ -71,13 +71,25 @@ fn unusable(role: Role, s: &TopicStatistics) -> Vec<Finding> {
         dropped,
         "mark them as no fix in the driver",
     );
+    if let Some([latitude, longitude]) = s.first_no_place_deg {
+        tell(
+            "no_place",
+            s.no_place,
+            &format!(
+                "are no place on Earth, the first latitude {latitude}, longitude {longitude}: {}",
+                why_no_place(latitude, longitude)
+            ),
+            dropped,
+            "mend them in the driver",
+        );
+    }
     tell(
         if role == Role::Imu {
             "imu_not_finite"
         } else {
             "not_finite"
         },
-        s.not_finite,
+        s.not_finite - s.no_place,
         "have NaN or infinity in them",
         dropped,
         if role == Role::Imu {

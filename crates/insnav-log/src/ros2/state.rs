@@ -3,14 +3,28 @@
 use super::{Decode, Encode, Header};
 use crate::cdr::CdrWriter;
 use crate::wire::{DecodeError, Wire};
+use insnav_core::time::Time;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+fn stamp_of<S: Serializer>(header: &Header<'_>, to: S) -> Result<S::Ok, S::Error> {
+    header.stamp.serialize(to)
+}
+
+fn stamped<'a, 'de, D: Deserializer<'de>>(from: D) -> Result<Header<'a>, D::Error> {
+    Ok(Header {
+        stamp: Time::deserialize(from)?,
+        frame_id: "",
+    })
+}
 
 /// Declares the struct, its wire order and its message definition from one list of fields, so that they cannot drift apart.
 macro_rules! state_message {
     ($($(#[$doc:meta])* $field:ident,)*) => {
         /// One epoch of the solution: the point at the IMU, NED, body forward-right-down, units in the names.
-        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
         pub struct State<'a> {
-            /// Stamp, and the map frame.
+            /// Stamp, and the map frame, which a saved state goes without.
+            #[serde(serialize_with = "stamp_of", deserialize_with = "stamped")]
             pub header: Header<'a>,
             $($(#[$doc])* pub $field: f64,)*
             /// 0 moving, 1 stationary.

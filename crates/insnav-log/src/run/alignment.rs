@@ -120,6 +120,9 @@ pub struct AlignReport {
     pub stops_proposed: bool,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// The same as the core gives it: attitude as a rotation, angles in radians.
+    #[serde(skip)]
+    pub result: AlignmentResult,
 }
 
 /// Noise of a unit in the units of data sheets.
@@ -545,5 +548,6 @@ fn report(result: &AlignmentResult, stops: &[[f64; 2]], given: Given) -> AlignRe
             .collect(),
         stops_proposed: given.stops_proposed,
         warnings: given.warnings,
+        result: result.clone(),
     }
 }

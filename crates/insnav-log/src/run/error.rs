@@ -118,6 +118,9 @@ pub enum RunError {
         /// How many more findings of that kind there are.
         others: usize,
     },
+    /// Somebody asked a [`crate::Stoppable`] source to stop.
+    #[error("interrupted")]
+    Interrupted,
     /// Nearly all inertial samples are not finite.
     #[error("{not_finite} of {samples} inertial samples have NaN or infinity in them")]
     ImuNotFinite {
@@ -166,6 +169,7 @@ impl RunError {
             RunError::Noise(refusal) => super::noise::code(refusal),
             RunError::PartOutside { .. } => "part_outside",
             RunError::NoStops { .. } => "no_stops",
+            RunError::Interrupted => "interrupted",
             RunError::NoImu => "no_imu_samples",
             RunError::Unusable { finding, .. } => finding.code,
             RunError::NoGnss { .. } => "no_gnss_samples",
@@ -205,6 +209,7 @@ impl RunError {
             RunError::NoStops { .. } => "give the windows yourself: `--stop 40:200`, in seconds from the zero that `insnav info` prints".into(),
             RunError::Navigator(_) => "check the sigmas in the log and in the config".into(),
             RunError::Unusable { finding, .. } => finding.remedy.clone(),
+            RunError::Interrupted => "start it again; nothing half-written is left behind".into(),
             RunError::NoImu => "check with `insnav info` that the IMU topic has messages".into(),
             RunError::NoGnss { .. } => "check with `insnav info` what the receiver says about its fixes, or navigate without them, from rest: `--imu-only`".into(),
             RunError::NoRest { .. } => "let the recording begin with two seconds or more without any motion, four with the engine on".into(),

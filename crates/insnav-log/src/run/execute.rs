@@ -180,6 +180,7 @@ impl Plan {
             position_resets: tally.totals.resets.clone(),
             unusable: tally.totals.unusable.count,
             withheld: tally.totals.withheld,
+            withhold: (self.withhold != Withhold::Nothing).then(|| self.withhold.to_string()),
             last,
             wheels: self.wheels,
             calibration: navigator

@@ -29,6 +29,7 @@ mod saved;
 mod source;
 mod standing;
 mod stop_pieces;
+mod stoppable;
 mod survey;
 mod tally;
 mod wheels;
@@ -49,7 +50,7 @@ pub use noise_readings::{NoiseReadings, noise_readings};
 pub use oddities::find;
 pub use orientation::{
     FinalOrientation, GyroRange, HeadingReference, OrientationNoise, OrientationNoiseReport,
-    OrientationPlan, OrientationReport, OrientationRequest,
+    OrientationPlan, OrientationReport, OrientationRequest, ahrs_settings,
 };
 pub use plan::{Plan, RunOptions};
 pub use report::{
@@ -58,5 +59,6 @@ pub use report::{
 };
 pub use saved::{SavedRun, StateError};
 pub use source::{SolutionSink, Source, Stream};
+pub use stoppable::Stoppable;
 pub use survey::Survey;
 pub use withhold::Withhold;

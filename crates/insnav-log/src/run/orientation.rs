@@ -176,6 +176,28 @@ pub struct OrientationPlan {
     planning_s: f64,
 }
 
+/// Settings of the orientation filter for a unit of this noise, as far as no record has a part in them: what `carrier_speed` is to
+/// [`OrientationRequest`].
+pub fn ahrs_settings(config: &Config, noise: ImuNoise, carrier_speed: Option<f64>) -> AhrsSettings {
+    let mut settings = AhrsSettings {
+        noise,
+        ..AhrsSettings::default()
+    };
+    // Units that give orientations are calibrated, unless somebody says what they are.
+    if config.noise.accel_bias_mg.is_some() || config.imu.grade.is_some() {
+        settings.accel_bias_sigma = noise.accel_bias_sigma;
+    }
+    if let Some(speed) = carrier_speed {
+        settings.velocity_sigma = speed;
+        settings.velocity_tau = if speed > FAST {
+            FAST_TAU
+        } else {
+            settings.velocity_tau
+        };
+    }
+    settings
+}
+
 impl OrientationPlan {
     /// Look at a source and choose what is left open.
     ///
@@ -224,22 +246,7 @@ impl OrientationPlan {
             }
         }
         let noise = stated.over(grade);
-        let mut settings = AhrsSettings {
-            noise,
-            ..AhrsSettings::default()
-        };
-        // Units that give orientations are calibrated, unless somebody says what they are.
-        if config.noise.accel_bias_mg.is_some() || config.imu.grade.is_some() {
-            settings.accel_bias_sigma = noise.accel_bias_sigma;
-        }
-        if let Some(speed) = request.carrier_speed {
-            settings.velocity_sigma = speed;
-            settings.velocity_tau = if speed > FAST {
-                FAST_TAU
-            } else {
-                settings.velocity_tau
-            };
-        }
+        let mut settings = ahrs_settings(config, noise, request.carrier_speed);
         let length = survey.field_sum / survey.fields.max(1) as f64;
         let rate = survey.fields as f64 / last.since(first).max(f64::MIN_POSITIVE);
         if let Some(microtesla) = stated.magnetometer_microtesla

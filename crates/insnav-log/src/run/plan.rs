@@ -344,6 +344,17 @@ impl Plan {
         }
     }
 
+    /// About how many epochs a sink with [`Plan::sink_options`] will get: for room set aside beforehand.
+    pub fn epochs_expected(&self) -> usize {
+        let rate = self.config.output.rate_hz;
+        let seconds = self.survey.imu_span.map_or(0.0, |(a, b)| b.since(a));
+        match rate > 0.0 {
+            // A wrong clock must not ask for more than there can be.
+            true => ((seconds * rate) as usize + 2).min(self.survey.imu_samples),
+            false => self.survey.imu_samples,
+        }
+    }
+
     pub(super) fn withholding(&self) -> Withholding {
         Withholding::new(self.withhold.clone(), self.origin, self.epochs())
     }

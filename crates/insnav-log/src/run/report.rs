@@ -437,6 +437,9 @@ pub struct RunReport {
     pub unusable: usize,
     /// Fixes withheld.
     pub withheld: usize,
+    /// Which they were, as the user said it: `120:150,300:330` or `every:2`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withhold: Option<String>,
     /// The end.
     #[serde(rename = "final")]
     pub last: Option<FinalReport>,

@@ -212,6 +212,10 @@ impl<'a, S: Sink> Tally<'a, S> {
 }
 
 impl<S: Sink> Sink for Tally<'_, S> {
+    fn is_over(&mut self) -> bool {
+        self.sink.is_over()
+    }
+
     fn wants_epoch(&mut self, time: Time) -> bool {
         self.wanted_by_sink = self.sink.wants_epoch(time);
         let own = self.totals.next_own.is_none_or(|next| time >= next);

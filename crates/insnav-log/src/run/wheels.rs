@@ -8,7 +8,7 @@ use super::source::Source;
 use insnav_core::config::{Config, Nonholonomic};
 use insnav_core::wheeled::{WheelReport, WheelWatch};
 
-/// So much of a log is looked at, s of samples: quarter of an hour has enough straight road.
+/// So much of a log is looked at where it is not clear before, s of samples: quarter of an hour has enough straight road.
 const GLANCE_S: f64 = 900.0;
 
 /// So many stretches of ten seconds make a contradiction of slopes more than chance.
@@ -29,7 +29,7 @@ pub(super) fn watch(
     let mut watch = WheelWatch::default();
     for sample in source.samples()? {
         let sample = sample?;
-        if begin.is_some_and(|begin| sample.time().since(begin) > GLANCE_S) {
+        if begin.is_some_and(|begin| sample.time().since(begin) > GLANCE_S) || watch.is_clear() {
             break;
         }
         if !is_withheld(&withholding, &sample, lag)

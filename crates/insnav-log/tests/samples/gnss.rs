@@ -73,6 +73,8 @@ fn fixes_that_are_none_are_dropped_and_counted() {
         (fix.count, fix.no_fix, fix.not_finite, fix.zero_position),
         (7, 1, 2, 1)
     );
+    let first = fix.first_no_place_deg;
+    assert_eq!((fix.no_place, first), (1, Some([91.0, 18.0])));
 }
 
 #[test]

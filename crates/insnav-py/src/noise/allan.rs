@@ -3,7 +3,8 @@
 use super::found;
 use super::refusal::refused;
 use crate::arrays::Argument;
-use crate::failure::Failure;
+use crate::failure::fail;
+use crate::interrupt::interruptible;
 use insnav_core::noise::{self, AllanPoint, averaging_samples};
 use pyo3::prelude::*;
 
@@ -34,12 +35,13 @@ pub(crate) fn overlapping_allan<'py>(
     samples: Option<Vec<usize>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = x.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let record = Argument::new("x", x).column(None).map_err(fail)?;
     let averaged = samples.unwrap_or_else(|| averaging_samples(record.len(), PER_OCTAVE));
-    let points = py
-        .detach(|| noise::overlapping_allan(&record, step_s, &averaged))
-        .map_err(|e| fail(refused(e)))?;
+    let points = interruptible(py, move |_| {
+        noise::overlapping_allan(&record, step_s, &averaged)
+    })?
+    .map_err(|e| fail(refused(e)))?;
     found::deviations(py, &points)
 }
 
@@ -61,7 +63,7 @@ pub(crate) fn overlapping_allan<'py>(
 #[pyo3(signature = (deviation))]
 pub(crate) fn fit_allan<'py>(deviation: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = deviation.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let column = |name: &str, rows: Option<usize>| -> PyResult<Vec<f64>> {
         Argument::new(&format!("deviation.{name}"), &deviation.getattr(name)?)
             .column(rows)
@@ -79,8 +81,7 @@ pub(crate) fn fit_allan<'py>(deviation: &Bound<'py, PyAny>) -> PyResult<Bound<'p
             differences: differences[i] as usize,
         })
         .collect();
-    let fit = py
-        .detach(|| noise::fit_allan(&points))
-        .map_err(|e| fail(refused(e)))?;
+    let told = points.clone();
+    let fit = interruptible(py, move |_| noise::fit_allan(&told))?.map_err(|e| fail(refused(e)))?;
     found::fit(py, &fit, &points)
 }

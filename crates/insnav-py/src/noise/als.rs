@@ -4,13 +4,15 @@ use super::arguments::{Solving, basis, known, lags as checked, model, runs};
 use super::found;
 use super::refusal::refused;
 use crate::arrays::{Argument, matrix, scalars, square_stack};
-use crate::failure::Failure;
+use crate::failure::fail;
+use crate::interrupt::interruptible;
+use crate::pickle;
 use insnav_core::noise::{
     self, EstimateOptions, LagCovariance, MdmOptions, Step, measurements_of_innovations,
 };
 use nalgebra::DMatrix;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyTuple, PyType};
 use std::collections::BTreeMap;
 
 /// What each unknown adds to the lag covariances of innovations; :func:`als_design` makes it.
@@ -55,6 +57,15 @@ impl Design {
     fn lags(&self) -> usize {
         self.inner.lags()
     }
+
+    #[classmethod]
+    fn _from_state(_class: &Bound<'_, PyType>, state: &[u8]) -> PyResult<Self> {
+        pickle::load::<Self, _>(state).map(|inner| Design { inner })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        pickle::reduce(slf, &slf.get().inner)
+    }
 }
 
 /// Lag covariances of innovations: C[j] is the mean of nu[k + j] nu[k]ᵀ, for j = 0 … lags - 1.
@@ -84,12 +95,11 @@ pub(crate) fn lag_covariance<'py>(
     runs: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let py = nu.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let (record, p) = Argument::new("nu", nu).channels(None).map_err(fail)?;
     let lags = checked(lags).map_err(fail)?;
-    let pieces = self::runs(&record, p, runs).map_err(fail)?;
-    let found = py
-        .detach(|| noise::lag_covariance(&pieces, p, lags))
+    let runs = self::runs(record, p, runs).map_err(fail)?;
+    let found = interruptible(py, move |_| noise::lag_covariance(&runs.pieces(), p, lags))?
         .map_err(|e| fail(refused(e)))?;
     Ok((
         square_stack(py, found.values(), p)?,
@@ -135,7 +145,7 @@ pub(crate) fn als_design<'py>(
     lags: usize,
 ) -> PyResult<Design> {
     let py = F.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let model = model(F, G, H).map_err(fail)?;
     let (n, p) = (model.states(), model.channels());
     let gain = Argument::new("L", L)
@@ -143,8 +153,7 @@ pub(crate) fn als_design<'py>(
         .map_err(fail)?;
     let basis = self::basis(basis, model.g.ncols(), p)?;
     let lags = checked(lags).map_err(fail)?;
-    let inner = py
-        .detach(|| noise::als_design(&model, &gain, &basis, lags))
+    let inner = interruptible(py, move |_| noise::als_design(&model, &gain, &basis, lags))?
         .map_err(|e| fail(refused(e)))?;
     Ok(Design { inner })
 }
@@ -202,7 +211,8 @@ pub(crate) fn als_solve<'py>(
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = C.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
+    let shared = design.clone().unbind();
     let design = &design.get().inner;
     let (p, lags) = (design.channels(), design.lags());
     let covariances = Argument::new("C", C).square_stack(lags, p).map_err(fail)?;
@@ -220,9 +230,8 @@ pub(crate) fn als_solve<'py>(
     }
     .options(design.basis())
     .map_err(fail)?;
-    let found = py
-        .detach(|| noise::als_solve(design, &covariance, &options))
-        .map_err(|e| fail(refused(e)))?;
+    let work = move |_: &_| noise::als_solve(&shared.get().inner, &covariance, &options);
+    let found = interruptible(py, work)?.map_err(|e| fail(refused(e)))?;
     found::estimate(py, &found, None)
 }
 
@@ -293,7 +302,7 @@ pub(crate) fn als_estimate<'py>(
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = y.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let model = model(F, G, H).map_err(fail)?;
     let (n, p) = (model.states(), model.channels());
     let (record, _) = Argument::new("y", y).channels(Some(p)).map_err(fail)?;
@@ -305,7 +314,7 @@ pub(crate) fn als_estimate<'py>(
         .map(|gain| Argument::new("gain", gain).matrix(Some(n), Some(p)))
         .transpose()
         .map_err(fail)?;
-    let pieces = self::runs(&record, p, runs).map_err(fail)?;
+    let runs = self::runs(record, p, runs).map_err(fail)?;
     let options = EstimateOptions {
         lags: checked(lags).map_err(fail)?,
         rounds,
@@ -322,19 +331,19 @@ pub(crate) fn als_estimate<'py>(
         .options(&basis)
         .map_err(fail)?,
     };
-    let found = py
-        .detach(|| match &gain {
-            None => noise::als_estimate(&pieces, &model, &basis, &start, &options),
-            Some(gain) => {
-                let measured = pieces
-                    .iter()
-                    .map(|nu| measurements_of_innovations(&model, gain, nu))
-                    .collect::<Result<Vec<_>, _>>()?;
-                let measured: Vec<&[f64]> = measured.iter().map(Vec::as_slice).collect();
-                noise::als_estimate(&measured, &model, &basis, &start, &options)
-            }
-        })
-        .map_err(|e| fail(refused(e)))?;
+    let work = move |_: &_| {
+        let pieces = runs.pieces();
+        let Some(gain) = &gain else {
+            return noise::als_estimate(&pieces, &model, &basis, &start, &options);
+        };
+        let measured = pieces
+            .iter()
+            .map(|nu| measurements_of_innovations(&model, gain, nu))
+            .collect::<Result<Vec<_>, _>>()?;
+        let measured: Vec<&[f64]> = measured.iter().map(Vec::as_slice).collect();
+        noise::als_estimate(&measured, &model, &basis, &start, &options)
+    };
+    let found = interruptible(py, work)?.map_err(|e| fail(refused(e)))?;
     found::estimate(
         py,
         &found.estimate,
@@ -390,21 +399,15 @@ pub(crate) fn als_estimate_ltv<'py>(
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = nu.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let (innovations, p) = Argument::new("nu", nu).channels(None).map_err(fail)?;
     let count = innovations.len() / p;
-    let initial = Argument::new("P0", P0).matrix(None, None).map_err(fail)?;
+    let initial = Argument::new("P0", P0).square().map_err(fail)?;
     let n = initial.nrows();
     let stack = |name: &str, object: &Bound<'py, PyAny>, rows: usize, columns: Option<usize>| {
         Argument::new(name, object)
             .matrix_or_stack(count, Some(rows), columns)
             .map_err(fail)
-    };
-    let initial = match initial.is_square() {
-        true => initial,
-        false => Argument::new("P0", P0)
-            .matrix(Some(n), Some(n))
-            .map_err(fail)?,
     };
     let f = stack("F", F, n, Some(n))?;
     let g = stack("G", G, n, None)?;
@@ -429,9 +432,10 @@ pub(crate) fn als_estimate_ltv<'py>(
     }
     .options(&basis)
     .map_err(fail)?;
-    let found = py
-        .detach(|| noise::als_estimate_ltv(&steps, &innovations, &initial, &basis, lags, &options))
-        .map_err(|e| fail(refused(e)))?;
+    let work = move |_: &_| {
+        noise::als_estimate_ltv(&steps, &innovations, &initial, &basis, lags, &options)
+    };
+    let found = interruptible(py, work)?.map_err(|e| fail(refused(e)))?;
     found::estimate(py, &found, None)
 }
 
@@ -477,19 +481,18 @@ pub(crate) fn mdm_estimate<'py>(
     runs: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = y.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let model = model(F, G, H).map_err(fail)?;
     let p = model.channels();
     let (record, _) = Argument::new("y", y).channels(Some(p)).map_err(fail)?;
     let basis = self::basis(basis, model.g.ncols(), p)?;
-    let pieces = self::runs(&record, p, runs).map_err(fail)?;
+    let runs = self::runs(record, p, runs).map_err(fail)?;
     let options = MdmOptions {
         span,
         reweights,
         known: self::known(known, &basis).map_err(fail)?,
     };
-    let found = py
-        .detach(|| noise::mdm_estimate(&pieces, &model, &basis, &options))
-        .map_err(|e| fail(refused(e)))?;
+    let work = move |_: &_| noise::mdm_estimate(&runs.pieces(), &model, &basis, &options);
+    let found = interruptible(py, work)?.map_err(|e| fail(refused(e)))?;
     found::estimate(py, &found, None)
 }

@@ -2,7 +2,7 @@
 
 use super::refusal::refused;
 use crate::arrays::Argument;
-use crate::failure::Failure;
+use crate::failure::{Failure, fail};
 use insnav_core::noise::{Basis, Block, Constraint, LinearModel, Shape, SolveOptions, Weight};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -11,6 +11,8 @@ use std::collections::BTreeMap;
 
 /// More lags than any record has use for, before memory is asked for them.
 const MOST_LAGS: usize = 1_000_000;
+/// More sums than any machine has use for.
+pub(super) const MOST_SUMS: usize = 100_000_000;
 
 /// F (n, n), G (n, g) and H (p, n).
 pub(super) fn model(
@@ -18,14 +20,8 @@ pub(super) fn model(
     g: &Bound<'_, PyAny>,
     h: &Bound<'_, PyAny>,
 ) -> Result<LinearModel, Failure> {
-    let transition = Argument::new("F", f).matrix(None, None)?;
-    let n = transition.nrows();
-    // Not square: told with the size that would be.
-    let f = if transition.is_square() {
-        transition
-    } else {
-        Argument::new("F", f).matrix(Some(n), Some(n))?
-    };
+    let f = Argument::new("F", f).square()?;
+    let n = f.nrows();
     Ok(LinearModel {
         f,
         g: Argument::new("G", g).matrix(Some(n), None)?,
@@ -44,7 +40,7 @@ pub(super) fn basis(
         return Ok(Basis::diagonal(process, measurement));
     };
     let py = given.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     if given.cast::<PyString>().is_ok() {
         let of_q = shape_of("basis", given)?;
         return Basis::new(process, measurement)
@@ -59,11 +55,14 @@ pub(super) fn basis(
     })?;
     for key in mapping.keys()?.iter() {
         if !matches!(key.str()?.to_str()?, "Q" | "R") {
-            return Err(fail(Failure::new(
-                "bad_option",
-                format!("basis: unknown key {key:?}"),
-                "known: \"Q\", \"R\"",
-            )));
+            return Err(fail(
+                Failure::new(
+                    "bad_option",
+                    format!("basis: unknown key {key:?}"),
+                    "known: \"Q\", \"R\"",
+                )
+                .about("basis", key.to_string(), "\"Q\" and \"R\""),
+            ));
         }
     }
     let mut basis = Basis::new(process, measurement);
@@ -107,6 +106,11 @@ fn shape_of(name: &str, form: &Bound<'_, PyAny>) -> PyResult<Shape> {
             format!("{name}: {other:?} is not known"),
             "\"diagonal\", \"symmetric\", groups of components, or matrices of shape (k, m, m)",
         )
+        .about(
+            name,
+            format!("{other:?}"),
+            "\"diagonal\", \"symmetric\", groups of components, or matrices of shape (k, m, m)",
+        )
         .into_py_err(form.py())),
     }
 }
@@ -124,14 +128,16 @@ pub(super) fn known(
                 "bad_option",
                 format!("known: no unknown is called {name:?}"),
                 format!("there are {}", names.join(", ")),
-            ));
+            )
+            .about("known", name, format!("one of {}", names.join(", "))));
         };
         if !value.is_finite() {
             return Err(Failure::new(
                 "not_finite",
                 format!("known: {name} is {value}"),
                 "give finite numbers",
-            ));
+            )
+            .about("known", format!("{name} = {value}"), "finite numbers"));
         }
         values[at] = Some(value);
     }
@@ -160,27 +166,27 @@ impl Solving<'_> {
                     "bad_option",
                     format!("{name} = {value}: must be zero or positive, and finite"),
                     "",
-                ));
+                )
+                .about(name, value.to_string(), "zero or positive, and finite"));
             }
         }
-        let unknown = |argument: &str, given: &str, known: &str| {
-            Failure::new(
-                "bad_option",
-                format!("{argument}: {given:?} is not known"),
-                format!("one of {known}"),
-            )
-        };
         Ok(SolveOptions {
             weight: match self.weight {
                 "bartlett" => Weight::Bartlett,
                 "identity" => Weight::Identity,
-                other => return Err(unknown("weight", other, "bartlett, identity")),
+                other => return Err(Failure::unknown_word("weight", other, "bartlett, identity")),
             },
             constraint: match self.constraint {
                 "none" => Constraint::None,
                 "nonnegative" => Constraint::NonNegative,
                 "psd" => Constraint::Semidefinite,
-                other => return Err(unknown("constraint", other, "nonnegative, psd, none")),
+                other => {
+                    return Err(Failure::unknown_word(
+                        "constraint",
+                        other,
+                        "nonnegative, psd, none",
+                    ));
+                }
             },
             known: known(self.known, basis)?,
             reweights: self.reweights,
@@ -191,19 +197,38 @@ impl Solving<'_> {
 }
 
 /// The runs of a record with so many channels; without `runs` all of it is one.
-pub(super) fn runs<'a>(
-    record: &'a [f64],
+pub(super) fn runs(
+    record: Vec<f64>,
     channels: usize,
     runs: Option<&Bound<'_, PyAny>>,
-) -> Result<Vec<&'a [f64]>, Failure> {
-    let Some(runs) = runs else {
-        return Ok(vec![record]);
+) -> Result<Runs, Failure> {
+    let rows = record.len() / channels;
+    let spans = match runs {
+        None => vec![[0, rows]],
+        Some(runs) => Argument::new("runs", runs).spans(rows)?,
     };
-    let spans = Argument::new("runs", runs).spans(record.len() / channels)?;
-    Ok(spans
-        .iter()
-        .map(|[begin, end]| &record[begin * channels..end * channels])
-        .collect())
+    Ok(Runs {
+        record,
+        channels,
+        spans,
+    })
+}
+
+/// A record and where its runs begin and end: owned, so that the work on it may outlast the call that began it.
+pub(super) struct Runs {
+    record: Vec<f64>,
+    channels: usize,
+    spans: Vec<[usize; 2]>,
+}
+
+impl Runs {
+    pub(super) fn pieces(&self) -> Vec<&[f64]> {
+        let row = |at: usize| at * self.channels;
+        self.spans
+            .iter()
+            .map(|[begin, end]| &self.record[row(*begin)..row(*end)])
+            .collect()
+    }
 }
 
 /// Refuses a number of lags that is one or the other kind of absurd.
@@ -215,5 +240,6 @@ pub(super) fn lags(lags: usize) -> Result<usize, Failure> {
         "bad_option",
         format!("lags = {lags}: must be between 1 and {MOST_LAGS}"),
         "a few tens to hundreds are enough: as many as the filter takes to forget",
-    ))
+    )
+    .about("lags", lags.to_string(), format!("1 to {MOST_LAGS}")))
 }

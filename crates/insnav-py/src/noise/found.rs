@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 /// One of the classes of `insnav._noise`, by the names of its fields.
-fn make<'py>(
+pub(super) fn make<'py>(
     py: Python<'py>,
     class: &str,
     fields: &Bound<'py, PyDict>,
@@ -99,6 +99,8 @@ pub(super) fn fit<'py>(
     fields.set_item("from_tau_s", found.from_tau_s)?;
     let fitted = points.iter().map(|p| found.deviation(p.tau_s));
     fields.set_item("fitted", scalars(py, fitted)?)?;
+    let parts = points.iter().map(|p| found.parts(p.tau_s));
+    fields.set_item("parts", rows(py, parts)?)?;
     let intervals = points
         .iter()
         .map(|p| <[f64; 2]>::from(p.interval(found, 1.0)));

@@ -1,13 +1,17 @@
 //! `insnav.noise.identify_noise`: what `insnav noise` does, on arrays.
 
+use super::found;
 use super::refusal::refused;
-use crate::failure::Failure;
+use crate::arrays::Argument;
+use crate::failure::fail;
 use crate::inputs::inertial_and_magnetic;
+use crate::interrupt::{Stop, interruptible};
 use crate::run::dictionary;
 use crate::settings;
-use insnav_log::{NoiseRequest, RunError, identify_log_noise};
+use insnav_core::noise::{self, AxisStability, NoiseReading};
+use insnav_log::{NoiseRequest, RunError, Stoppable, identify_log_noise};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 /// Noise of gyros, accelerometers and magnetometer from a record at rest or turning.
 ///
@@ -55,19 +59,85 @@ pub(crate) fn identify_noise<'py>(
     part_s: Option<[f64; 2]>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let py = t.py();
-    let fail = |e: Failure| e.into_py_err(py);
+    let fail = fail(py);
     let config = settings::config(config)?;
     let source = inertial_and_magnetic(t, gyro, accel, mag, &config).map_err(fail)?;
     let request = NoiseRequest {
         part: part_s,
         window_s,
     };
-    let report = py
-        .detach(|| identify_log_noise(&source, &config, &request))
-        .map_err(|e| match e {
-            // What the command says of it names its flags.
-            RunError::Noise(refusal) => fail(refused(refusal)),
-            other => fail(other.into()),
-        })?;
+    let work = move |stop: &Stop| {
+        let source = Stoppable::new(&source, stop.asked());
+        identify_log_noise(&source, &config, &request)
+    };
+    let report = interruptible(py, work)?.map_err(|e| match e {
+        // What the command says of it names its flags.
+        RunError::Noise(refusal) => fail(refused(refusal)),
+        other => fail(other.into()),
+    })?;
     dictionary(py, serde_json::to_string(&report))
+}
+
+/// Allan deviation and its fit on every axis of a unit at rest, over its longest piece without a gap.
+///
+/// Parameters
+/// ----------
+/// t : (n,)
+///     Seconds, or ``datetime64``, at equal steps but for gaps.
+/// gyro : (n, 3)
+///     Angular rate, body axes, rad/s.
+/// accel : (n, 3)
+///     Specific force, body axes, m/s².
+///
+/// Returns
+/// -------
+/// RestStability
+///     Deviations and fits, gyros in rad/s, accelerometers in m/s².
+///
+/// Raises
+/// ------
+/// ArgumentError, IdentificationError
+///     Uneven steps, a flat channel, less than ten seconds.
+#[pyfunction]
+pub(crate) fn rest_stability<'py>(
+    t: &Bound<'py, PyAny>,
+    gyro: &Bound<'py, PyAny>,
+    accel: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = t.py();
+    let fail = fail(py);
+    let times = Argument::new("t", t).times().map_err(fail)?;
+    let rows = times.len();
+    let gyro = Argument::new("gyro", gyro).finite_vectors(rows);
+    let gyro = gyro.map_err(fail)?;
+    let accel = Argument::new("accel", accel).finite_vectors(rows);
+    let accel = accel.map_err(fail)?;
+    let stability = interruptible(py, move |_| {
+        let rows = times.iter().zip(&gyro).zip(&accel);
+        let readings: Vec<NoiseReading> = rows
+            .map(|((&time, &rate), &force)| NoiseReading {
+                time,
+                angular_rate_b: rate,
+                specific_force_b: force,
+                magnetic_field_b: None,
+            })
+            .collect();
+        noise::rest_stability(&readings)
+    })?
+    .map_err(|e| fail(refused(e)))?;
+    let fields = PyDict::new(py);
+    fields.set_item("begin_s", stability.begin.seconds())?;
+    fields.set_item("end_s", stability.end.seconds())?;
+    fields.set_item("step_s", stability.step_s)?;
+    let of = |axes: &[AxisStability; 3]| {
+        let axes = axes.iter().map(|axis| {
+            let points = found::deviations(py, &axis.points)?;
+            PyTuple::new(py, [points, found::fit(py, &axis.fit, &axis.points)?])
+        });
+        let axes: PyResult<Vec<_>> = axes.collect();
+        PyTuple::new(py, axes?)
+    };
+    fields.set_item("gyro", of(&stability.gyro)?)?;
+    fields.set_item("accel", of(&stability.accel)?)?;
+    found::make(py, "RestStability", &fields)
 }

@@ -6,6 +6,7 @@ use super::{
 use crate::fixture::{Folder, insnav_json, rewrite};
 use insnav_core::earth::Geodetic;
 use insnav_core::sample::Sample;
+use nalgebra::Vector3;
 
 /// The drive with every stated position sigma changed.
 fn stated(change: impl Fn(f64) -> f64) -> Vec<Sample> {
@@ -146,4 +147,97 @@ fn fixes_at_zero_and_no_fixes() {
     let json = insnav_json(["run", &folder.text("spoilt.mcap"), "-o", &out]).json();
     assert!(warning(&json, "zero_position").contains("latitude and longitude zero"));
     assert!(warning(&json, "no_fix").contains("no fix"));
+}
+
+/// The drive with every position made another.
+fn placed(change: impl Fn(f64, f64) -> (f64, f64)) -> Vec<Sample> {
+    let mut samples = drive().samples.clone();
+    for sample in &mut samples {
+        if let Sample::GnssPosition(p) = sample {
+            let at = &p.position;
+            let (latitude, longitude) = change(at.latitude.to_degrees(), at.longitude.to_degrees());
+            p.position = Geodetic::from_degrees(latitude, longitude, at.height);
+        }
+    }
+    samples
+}
+
+/// Such positions were taken for accelerometers that are upside down, since they move in mirror images.
+#[test]
+fn positions_in_radians_or_the_other_way_round() {
+    let folder = Folder::new();
+    for (log, code, words) in [
+        (
+            placed(|a, b| (a.to_radians(), b.to_radians())),
+            "positions_in_radians",
+            "in radians, not in degrees",
+        ),
+        (
+            placed(|a, b| (b, a)),
+            "positions_swapped",
+            "longitude and latitude, not latitude and longitude",
+        ),
+    ] {
+        let name = format!("{code}.mcap");
+        write_log(&folder.path(&name), &log);
+        let found = findings(&folder, &name, &[]);
+        assert_eq!(codes(&found)[0], code, "{found:#?}");
+        assert!(found[0]["evidence"].as_str().unwrap().contains(words));
+        assert_eq!(errors(&folder, &name, &[]).unwrap_err(), code);
+    }
+}
+
+/// At the zeros of latitude and longitude a velocity east before north looks the same: nobody is told that the positions are wrong.
+#[test]
+fn a_velocity_east_before_north_is_not_taken_for_positions_the_other_way_round() {
+    let folder = Folder::new();
+    let first = drive().samples.iter().find_map(|sample| match sample {
+        Sample::GnssPosition(p) => Some(p.position),
+        _ => None,
+    });
+    let (a0, b0) = first.map_or((0.0, 0.0), |p| {
+        (p.latitude.to_degrees(), p.longitude.to_degrees())
+    });
+    for (latitude, longitude) in [(5.5, -0.2), (a0, b0)] {
+        let wider = a0.to_radians().cos() / f64::to_radians(latitude).cos();
+        let mut samples = placed(|a, b| (latitude + a - a0, longitude + (b - b0) * wider));
+        for sample in &mut samples {
+            if let Sample::GnssVelocity(v) = sample {
+                v.velocity_n = Vector3::new(v.velocity_n.y, v.velocity_n.x, -v.velocity_n.z);
+            }
+        }
+        let name = format!("{latitude}.mcap");
+        write_log(&folder.path(&name), &samples);
+        let found = findings(&folder, &name, &[]);
+        let severity = |code: &str| {
+            let told = found.iter().find(|f| f["code"] == code);
+            told.map(|f| f["severity"].as_str().unwrap_or_default().to_owned())
+        };
+        assert!(severity("velocity_axes").is_some(), "{found:#?}");
+        assert_ne!(
+            severity("positions_swapped").as_deref(),
+            Some("fatal"),
+            "{found:#?}"
+        );
+    }
+}
+
+/// Latitudes beyond 90°: every fix is dropped, and `info` says what they seem to be.
+#[test]
+fn positions_that_are_no_place() {
+    let folder = Folder::new();
+    write_log(
+        &folder.path("spoilt.mcap"),
+        &placed(|latitude, longitude| (longitude + 100.0, latitude)),
+    );
+    let found = findings(&folder, "spoilt.mcap", &[]);
+    let told = found.iter().find(|f| f["code"] == "no_place");
+    let told = told.unwrap_or_else(|| panic!("{found:#?}"));
+    let evidence = told["evidence"].as_str().unwrap();
+    assert!(evidence.contains("are no place on Earth, the first latitude 1"));
+    assert!(evidence.contains("the other way round: latitude comes first"));
+    assert_eq!(
+        errors(&folder, "spoilt.mcap", &[]).unwrap_err(),
+        "no_gnss_samples"
+    );
 }

@@ -52,17 +52,19 @@ pub(super) struct Known {
 
 /// Attitude at the first sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct MovingBase {
-    pub(super) q_nb: UnitQuaternion<f64>,
+pub struct MovingBase {
+    /// Body to NED.
+    pub q_nb: UnitQuaternion<f64>,
     /// Covariance of a small rotation in n, rad².
-    pub(super) covariance_n: Matrix3<f64>,
+    pub covariance_n: Matrix3<f64>,
     /// Standard deviation of the heading, rad.
-    pub(super) heading_sigma: f64,
-    /// Gyro bias and its standard deviations, rad/s.
-    pub(super) gyro_bias: Vector3<f64>,
-    pub(super) gyro_bias_sigma: Vector3<f64>,
+    pub heading_sigma: f64,
+    /// Gyro bias, rad/s.
+    pub gyro_bias: Vector3<f64>,
+    /// Its standard deviations, rad/s.
+    pub gyro_bias_sigma: Vector3<f64>,
     /// The last velocity used.
-    pub(super) at: Time,
+    pub at: Time,
 }
 
 /// A velocity and its variances, north, east and down; the last infinite where it is not measured.

@@ -5,6 +5,7 @@ use super::{Startup, UNKNOWN_SIGMA};
 use crate::alignment::course::{Course, Tilt};
 use crate::alignment::first_fix::{FirstFix, first_fix};
 use crate::alignment::levelling::{Level, level, level_with_velocity};
+use crate::alignment::tied::{Errors, ROUNDED, Rates, USED_AGAIN, sigmas, untied};
 use crate::alignment::track::{Inertial, Track, inertial};
 use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{EARTH_RATE, earth_rate_n};
@@ -18,6 +19,16 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 /// The first fix is used again as a measurement: its sigma as a prior is widened so that this counts for 1 %.
 const PRIOR_WIDENING: f64 = 10.0;
+
+/// What is known of the gyros at a start.
+struct Gyros {
+    bias: Vector3<f64>,
+    /// Beside what the attitude makes of it.
+    sigma: Vector3<f64>,
+    rates: Rates,
+    /// What steps of their values do to the mean, rad/s.
+    rounding: f64,
+}
 
 impl Startup {
     pub(super) fn align(&mut self, ask: Ask) -> Option<Alignment> {
@@ -80,15 +91,39 @@ impl Startup {
         } else {
             level
         };
-        let mut alignment = self.assemble(&imu, &fix, &level, &course, heading_sigma, bias);
+        let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
+        let gyros = match (bias, base) {
+            (Some((rate, sigma)), _) => {
+                let earth_rate_b =
+                    q_nb.inverse_transform_vector(&earth_rate_n(fix.position.latitude));
+                // The bias moves on while the filter takes over.
+                let beside = sigma
+                    .hypot(0.1 * self.noise.gyro_bias_sigma)
+                    .hypot(EARTH_RATE * untied(heading_sigma));
+                Gyros {
+                    bias: rate - earth_rate_b,
+                    sigma: rounding.map(|r| r.hypot(beside)),
+                    rates: Rates::Biases,
+                    rounding: rounding.amax(),
+                }
+            }
+            (None, Some(base)) => Gyros {
+                bias: base.gyro_bias,
+                sigma: (base.gyro_bias_sigma * BASE_WIDENING)
+                    .inf(&Vector3::repeat(self.noise.gyro_bias_sigma)),
+                rates: Rates::Unused,
+                rounding: 0.0,
+            },
+            (None, None) => Gyros {
+                bias: Vector3::zeros(),
+                sigma: Vector3::repeat(self.noise.gyro_bias_sigma),
+                rates: Rates::Unused,
+                rounding: 0.0,
+            },
+        };
+        let mut alignment = self.assemble(&imu, &fix, &level, &course, heading_sigma, &gyros);
         let position = &mut alignment.sigma.position;
         *position = position.sup(&(scatter * 2.0));
-        let gyro_bias = &mut alignment.sigma.gyro_bias;
-        *gyro_bias = gyro_bias.zip_map(&rounding, f64::hypot);
-        if let Some(base) = base.filter(|_| bias.is_none()) {
-            alignment.imu_errors.gyro_bias = base.gyro_bias;
-            *gyro_bias = gyro_bias.inf(&(base.gyro_bias_sigma * BASE_WIDENING));
-        }
         Some(alignment)
     }
 
@@ -115,21 +150,10 @@ impl Startup {
         level: &Level,
         course: &Course,
         heading_sigma: f64,
-        bias: Option<(Vector3<f64>, f64)>,
+        gyros: &Gyros,
     ) -> Alignment {
         let begin = imu[0].time;
         let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
-        let earth_rate_b = q_nb.inverse_transform_vector(&earth_rate_n(fix.position.latitude));
-        let (gyro_bias, gyro_sigma) = match bias {
-            // The Earth rate is known up to the heading's error; the bias moves on while the filter takes over.
-            Some((rate, sigma)) => (
-                rate - earth_rate_b,
-                sigma
-                    .hypot(0.1 * self.noise.gyro_bias_sigma)
-                    .hypot(EARTH_RATE * heading_sigma.min(1.0)),
-            ),
-            None => (Vector3::zeros(), self.noise.gyro_bias_sigma),
-        };
         let (velocity_n, velocity_sigma) = self.velocity_at(begin, level.standing_s > 0.0);
         let since = begin.since(fix.time);
         let lever_n = q_nb * self.lever_arm_b;
@@ -142,20 +166,36 @@ impl Startup {
             velocity_n,
             q_nb,
         };
+        let again = if level.standing_s > 0.0 {
+            USED_AGAIN
+        } else {
+            1.0
+        };
+        let errors = Errors {
+            turned: level.turned,
+            level_sigma: (again * level.own_sigma).hypot(gyros.rounding * ROUNDED),
+            heading_sigma,
+            gyro_sigma: gyros.sigma,
+            accel_sigma: self.noise.accel_bias_sigma,
+            rates: gyros.rates,
+        };
+        let covariance = errors.joint(&q_nb, &nav.position);
+        let [attitude, gyro_bias] = sigmas(&covariance);
         let spread = velocity_sigma * since.abs() + 0.5 * since * since;
         Alignment {
             nav,
             imu_errors: ImuErrors {
-                gyro_bias,
+                gyro_bias: gyros.bias,
                 ..ImuErrors::default()
             },
             sigma: InitialSigma {
                 position: fix_sigma.map(|s| (PRIOR_WIDENING * s).hypot(spread).max(1.0)),
                 velocity: Vector3::repeat(velocity_sigma),
-                attitude: Vector3::new(level.tilt_sigma, level.tilt_sigma, heading_sigma),
-                gyro_bias: Vector3::repeat(gyro_sigma),
+                attitude,
+                gyro_bias,
                 accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
             },
+            covariance,
             standing_s: level.standing_s,
             heading_source: course.source,
             heading_at: course.at,

@@ -4,6 +4,7 @@ use super::Startup;
 use super::gyrocompass::North;
 use crate::alignment::levelling::from_force;
 use crate::alignment::rest::{Rest, rest_at_begin};
+use crate::alignment::tied::{Errors, ROUNDED, Rates, USED_AGAIN, sigmas, untied};
 use crate::alignment::track::inertial;
 use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{EARTH_RATE, Geodetic, earth_rate_n};
@@ -11,7 +12,7 @@ use crate::filter::InitialSigma;
 use crate::imu::{ImuErrors, STANDARD_GRAVITY};
 use crate::mechanization::NavState;
 use crate::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Velocity of a body at rest that no piece of [`rest_at_begin`] shows, m/s.
 const REST_VELOCITY: f64 = 0.02;
@@ -65,19 +66,32 @@ impl Startup {
             });
         }
         let mut earth_rate_n = earth_rate_n(place.latitude);
-        let mut direction = heading_sigma.min(1.0);
         if heading_source == HeadingSource::Relative {
             earth_rate_n.x = 0.0;
-            direction = 1.0;
         }
-        let tilt_sigma = rest.force_sigma.hypot(self.noise.accel_bias_sigma) / STANDARD_GRAVITY;
+        // Of a heading that is zero by definition nobody knows anything.
+        let turns = match heading_source {
+            HeadingSource::Relative => EARTH_RATE,
+            _ => EARTH_RATE * untied(heading_sigma),
+        };
         let gyro_sigma = rest
             .rate_sigma
             .hypot(0.1 * self.noise.gyro_bias_sigma)
-            .hypot(EARTH_RATE * direction);
+            .hypot(turns);
         let rounding = self.rounding(&imu);
-        let gyro_sigma =
-            Vector3::from_fn(|k, _| gyro_sigma.hypot(rounding[k]).hypot(rest.rate_doubt[k]));
+        let errors = Errors {
+            turned: Matrix3::identity(),
+            level_sigma: (self.again() * rest.force_sigma / STANDARD_GRAVITY)
+                .hypot(rounding.amax() * ROUNDED),
+            heading_sigma,
+            gyro_sigma: Vector3::from_fn(|k, _| {
+                gyro_sigma.hypot(rounding[k]).hypot(rest.rate_doubt[k])
+            }),
+            accel_sigma: self.noise.accel_bias_sigma,
+            rates: Rates::Biases,
+        };
+        let covariance = errors.joint(&q_nb, &place);
+        let [attitude, gyro_bias] = sigmas(&covariance);
         Some(Alignment {
             nav: NavState {
                 time: begin,
@@ -92,10 +106,11 @@ impl Startup {
             sigma: InitialSigma {
                 position: Vector3::zeros(),
                 velocity: Vector3::repeat(REST_VELOCITY),
-                attitude: Vector3::new(tilt_sigma, tilt_sigma, heading_sigma),
-                gyro_bias: gyro_sigma,
+                attitude,
+                gyro_bias,
                 accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
             },
+            covariance,
             standing_s: rest.span,
             heading_source,
             heading_at: begin,
@@ -104,8 +119,15 @@ impl Startup {
         })
     }
 
+    /// By how much the noise of a level is widened: nothing uses it again where nobody tells the filter that the body stands.
+    fn again(&self) -> f64 {
+        if self.stops_are_used { USED_AGAIN } else { 1.0 }
+    }
+
     /// With north known and gyros that feel the Earth turn. Their biases are left at zero: what rest shows of them is told to the filter with the heading.
     fn with_north(&self, north: &North, begin: Time, place: Geodetic, rest: &Rest) -> Alignment {
+        let covariance = self.joint_of_north(north, &place);
+        let [attitude, gyro_bias] = sigmas(&covariance);
         Alignment {
             nav: NavState {
                 time: begin,
@@ -117,10 +139,11 @@ impl Startup {
             sigma: InitialSigma {
                 position: Vector3::zeros(),
                 velocity: Vector3::repeat(REST_VELOCITY),
-                attitude: north.sigma,
-                gyro_bias: Vector3::repeat(self.noise.gyro_bias_sigma),
+                attitude,
+                gyro_bias,
                 accel_bias: Vector3::repeat(self.noise.accel_bias_sigma),
             },
+            covariance,
             standing_s: rest.span,
             heading_source: HeadingSource::Gyrocompass,
             heading_at: begin,

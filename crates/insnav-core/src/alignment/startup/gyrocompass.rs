@@ -4,19 +4,20 @@ use super::heading::Ask;
 use super::{REST_AGAIN, Startup};
 use crate::alignment::rest::{Rest, rest_at_begin};
 use crate::alignment::stops::{Record, coarse_attitude, rate_limit};
+use crate::alignment::tied::{Errors, Joint, Rates, sigmas};
 use crate::alignment::track::inertial;
 use crate::alignment::{Alignment, HeadingSource};
 use crate::earth::{Geodetic, LocalEarth};
 use crate::imu::ImuErrors;
 use crate::mechanization::IncrementBuilder;
 use crate::sample::Sample;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Less rest does not show the Earth's rate through people who move about, s.
 const LEAST_REST: f64 = 30.0;
 /// North is looked for where the gyros' biases and what rest shows of the rates leave less than this, rad (5°).
 const LARGEST_SIGMA: f64 = 0.087;
-/// Standard deviations of the coarse start, rad, independent of the biases: tilt (0.1°) and heading (10°). Rocking moves it, and
+/// Standard deviations of the coarse start, rad, beside what the biases make of it: tilt (0.1°) and heading (10°). Rocking moves it, and
 /// the same rest tells the filter of attitude and biases together, in a linear range, when it has begun; a prior that claimed what
 /// rest says already would count that twice. Where the filter is not told of stops, the heading's is what rest shows.
 const TILT_SIGMA: f64 = 1.7e-3;
@@ -26,10 +27,11 @@ const HEADING_SIGMA: f64 = 0.17;
 /// what the limit alone would state.
 const OVER_THE_LIMIT: f64 = 1.7;
 
-/// Attitude at the first sample, and its standard deviations.
+/// Attitude at the first sample, and the standard deviation of its heading beside what `rates` says.
 pub(super) struct North {
     pub(super) q_nb: UnitQuaternion<f64>,
-    pub(super) sigma: Vector3<f64>,
+    heading_sigma: f64,
+    rates: Rates,
 }
 
 impl North {
@@ -37,7 +39,8 @@ impl North {
     pub(super) fn new(q_nb: UnitQuaternion<f64>, heading_sigma: f64) -> Self {
         North {
             q_nb,
-            sigma: Vector3::new(TILT_SIGMA, TILT_SIGMA, heading_sigma),
+            heading_sigma,
+            rates: Rates::Unused,
         }
     }
 }
@@ -51,18 +54,36 @@ impl Startup {
         let earth = LocalEarth::at(place);
         let horizontal = earth.earth_rate_n().x;
         let tan = earth.sin_latitude / earth.cos_latitude;
-        let rate = OVER_THE_LIMIT * rate_limit(&self.noise, earth.gravity(), rest.span);
         let sigma = (self.noise.gyro_bias_sigma / horizontal)
-            .hypot(rate / horizontal)
+            .hypot(self.noise_of_north(&earth, rest))
             .hypot(tan * self.noise.accel_bias_sigma / earth.gravity());
         // Near a pole nothing is left of the horizontal rate.
         (horizontal > 0.0 && sigma < LARGEST_SIGMA).then_some(sigma)
     }
 
+    /// What white noise leaves of the heading, rad.
+    fn noise_of_north(&self, earth: &LocalEarth, rest: &Rest) -> f64 {
+        let rate = rate_limit(&self.noise, earth.gravity(), rest.span);
+        OVER_THE_LIMIT * rate / earth.earth_rate_n().x
+    }
+
+    /// The covariance of a start by the gyros. Its biases are those of the class: they have been left at zero.
+    pub(super) fn joint_of_north(&self, north: &North, place: &Geodetic) -> Joint {
+        let errors = Errors {
+            turned: Matrix3::identity(),
+            level_sigma: TILT_SIGMA,
+            heading_sigma: north.heading_sigma,
+            gyro_sigma: Vector3::repeat(self.noise.gyro_bias_sigma),
+            accel_sigma: self.noise.accel_bias_sigma,
+            rates: north.rates,
+        };
+        errors.joint(&north.q_nb, place)
+    }
+
     /// Coarse alignment in the inertial frame from the rest that the data begin with; `None` where the unit or the rest is not
     /// good enough. Samples are sorted.
     pub(super) fn north(&self, place: &Geodetic, rest: &Rest) -> Option<North> {
-        let sigma = self.feels_the_earth(place, rest)?;
+        self.feels_the_earth(place, rest)?;
         let mut builder = IncrementBuilder::default();
         let begin = self.samples.iter().find(|s| s.is_inertial())?.time();
         let increments = self
@@ -75,12 +96,15 @@ impl Startup {
                 _ => None,
             });
         let q_nb = coarse_attitude(&Record::new(increments), place)?;
-        let heading = if self.stops_are_used {
-            HEADING_SIGMA
+        Some(if self.stops_are_used {
+            North::new(q_nb, HEADING_SIGMA)
         } else {
-            sigma
-        };
-        Some(North::new(q_nb, heading))
+            North {
+                q_nb,
+                heading_sigma: self.noise_of_north(&LocalEarth::at(place), rest),
+                rates: Rates::North,
+            }
+        })
     }
 
     /// A start with GNSS by the gyros, when the rest that the data begin with is over or has lasted long enough. That is asked of
@@ -107,8 +131,8 @@ impl Startup {
         start.nav.q_nb = north.q_nb;
         // What rest shows of the biases is told to the filter with the heading.
         start.imu_errors = ImuErrors::default();
-        start.sigma.attitude = north.sigma;
-        start.sigma.gyro_bias = Vector3::repeat(self.noise.gyro_bias_sigma);
+        start.covariance = self.joint_of_north(&north, &place);
+        [start.sigma.attitude, start.sigma.gyro_bias] = sigmas(&start.covariance);
         start.heading_source = HeadingSource::Gyrocompass;
         start.heading_at = start.nav.time;
         Some(start)

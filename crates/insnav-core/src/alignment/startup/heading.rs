@@ -10,7 +10,7 @@ use crate::alignment::moving_base::{Known, MovingBase, moving_base};
 use crate::alignment::track::{Inertial, Track};
 use crate::attitude::Euler;
 use crate::earth::{EARTH_RATE, Geodetic};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The velocities that told the attitude are used again as measurements: its sigma as a prior is widened so that this counts for
 /// 4 %. More would make a prior of tens of degrees of a heading that is right to one.
@@ -123,9 +123,13 @@ pub(super) fn of_base(base: &MovingBase) -> Course {
 pub(super) fn level_of_base(base: &MovingBase, level: &Level) -> Level {
     let heading = Euler::from_quaternion(&base.q_nb).heading;
     let own = base.covariance_n.diagonal().xy().max().sqrt();
+    let tilt_sigma = (BASE_WIDENING * own).min(level.tilt_sigma).max(own);
     Level {
         q_level: UnitQuaternion::from_scaled_axis(Vector3::z() * -heading) * base.q_nb,
-        tilt_sigma: (BASE_WIDENING * own).min(level.tilt_sigma).max(own),
+        tilt_sigma,
+        own_sigma: tilt_sigma,
+        // Widened as a whole: what of it is a bias has no weight left.
+        turned: Matrix3::zeros(),
         ..*level
     }
 }

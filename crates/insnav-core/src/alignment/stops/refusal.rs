@@ -232,6 +232,20 @@ impl Refusal {
         (what.to_string(), remedy.to_string())
     }
 
+    /// When it is: the begin of the stop or hole that it is about, s from the zero of [`crate::time::Time`].
+    pub fn time_s(&self) -> Option<f64> {
+        match *self {
+            Refusal::OutsideData { begin_s, .. }
+            | Refusal::StopsOverlap { begin_s, .. }
+            | Refusal::NotGravity { begin_s, .. }
+            | Refusal::StopTooShort { begin_s, .. }
+            | Refusal::NotStationary { begin_s, .. }
+            | Refusal::Moving { begin_s, .. } => Some(begin_s),
+            Refusal::GapInData { at_s, .. } => Some(at_s),
+            _ => None,
+        }
+    }
+
     /// A short name for programs.
     pub fn code(&self) -> &'static str {
         match self {

@@ -10,7 +10,7 @@ mod past;
 
 use super::columns::{Columns, States};
 use super::covariance::Covariance;
-use super::layout::{ATTITUDE, Block, CAPACITY};
+use super::layout::{ATTITUDE, Block, CAPACITY, HELD_ATTITUDE};
 use super::transition::Transition;
 use crate::noise::{InnovationSums, NoiseUnknown};
 use crate::time::Time;
@@ -152,6 +152,15 @@ impl Shares {
             part.set_prior(block, if i == KNOWN { prior } else { &none });
         }
         self.past.end();
+    }
+
+    /// The level errors turn with the estimate.
+    pub(super) fn turn_level(&mut self, angle: f64) {
+        for part in &mut self.parts {
+            part.turn(ATTITUDE, angle);
+            part.turn(HELD_ATTITUDE, angle);
+        }
+        self.past.turn_level(angle);
     }
 
     /// A measurement that was refused: what follows is not the innovation of a filter that takes everything.

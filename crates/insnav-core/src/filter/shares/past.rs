@@ -91,6 +91,19 @@ impl Past {
         }
     }
 
+    /// The level errors turn with the estimate. (While an attitude is held nothing is compared.)
+    pub(super) fn turn_level(&mut self, angle: f64) {
+        if self.list.is_empty() {
+            return;
+        }
+        let (s, c) = angle.sin_cos();
+        let [north, east] = [0, 1].map(|axis| self.closed[Transition::ATTITUDE_ROW + axis]);
+        for j in 0..CAPACITY {
+            self.closed[Transition::ATTITUDE_ROW][j] = c * north[j] - s * east[j];
+            self.closed[Transition::ATTITUDE_ROW + 1][j] = s * north[j] + c * east[j];
+        }
+    }
+
     /// A correction: (I − K H) on what leads here.
     pub(super) fn correct<const M: usize>(
         &mut self,

@@ -5,13 +5,22 @@
 //! biases in body axes, a delay between gyros and accelerometers, tones) is fitted and taken out ([`turned`]); the rest is a random walk of gyro noise
 //! plus the noise of the accelerometers, whose shares autocovariance least squares tells apart. Motion is no obstacle as long as the
 //! body does not accelerate; where it does, the lag covariances are none of that model and the window is not used.
+//!
+//! In the order data flow: [`steps`] finds the pieces, [`window`] cuts and levels them, [`guess`] has first values, [`scales`] judges
+//! windows by the fit of [`regress`], [`told`] says what they show together, [`heading`] does the same with the field. [`identify`] is the
+//! way through.
 
+mod guess;
+mod heading;
 mod identify;
 mod regress;
 mod rest;
+mod scales;
 mod steps;
+mod told;
 mod tones;
 mod turned;
+mod window;
 
 pub use identify::{IdentifyOptions, identify_noise};
 pub use rest::{AxisStability, RestStability, rest_stability};

@@ -1,0 +1,228 @@
+//! `insnav.compare`: a solution judged by a reference, as the command does it.
+//!
+//! `table` reads what either is.
+
+mod table;
+
+use self::table::Given;
+use crate::arrays::{rows, scalars};
+use crate::failure::{Failure, fail, warn};
+use crate::interrupt::interruptible;
+use crate::run::dictionary;
+use insnav_core::metrics::{ErrorInstant, Nees};
+use insnav_core::time::Time;
+use insnav_log::{ComparedReference, ComparedSolution, JudgeRequest, Warning, judge};
+use nalgebra::Vector3;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Judge a solution by a reference: errors by component, at stops and under way, and against the stated sigmas.
+///
+/// Does what the command ``insnav compare`` does. The solution is interpolated to the reference, never extrapolated, and not across
+/// holes; for a reference of GNSS fixes it is moved to the antenna. Errors are solution minus reference. Other threads run meanwhile.
+///
+/// Parameters
+/// ----------
+/// solution : Solution, path or mapping
+///     What :func:`insnav.run` returns; a file that the command reads as a solution (MCAP of ``run`` or ``ahrs``, CSV, TUM); or a mapping of
+///     columns with the names of those of :class:`Solution`: ``time_s`` and any of ``latitude_deg``, ``longitude_deg``, ``height_m``,
+///     ``velocity_n_m_per_s``, ``quaternion_nb_wxyz`` (or ``roll_deg``, ``pitch_deg``, ``heading_deg``), ``rate_b_deg_per_s``, ``standing``,
+///     ``standing_s``, covariances, and ``t0_ns``.
+/// reference : insnav.sim.Truth, Solution, path or mapping
+///     A truth, another solution, a file that the command reads as a reference (CSV, RTKLIB, NMEA, TUM, MCAP), or a mapping of columns with
+///     the same names, and ``sigma_position_n_m``, ``sigma_velocity_n_m_per_s``. NaN where there is nothing to compare with. Seconds count
+///     from the solution's zero, ``t0_ns``; ``datetime64`` is absolute.
+/// from_s, to_s : float, optional
+///     Leave out what is before or after, s from the solution's zero.
+/// reference_clock : {"gnss", "imu"}
+///     Whose clock stamped the reference: solutions are on that of GNSS positions.
+/// remove_mounting : bool, default False
+///     Take the constant rotation between the body axes of both out of the attitude errors.
+/// align_earth : bool, default False
+///     Take the constant rotation between the earth frames out of orientation errors.
+/// course : bool, default False
+///     Compare the heading with the reference's course as well.
+/// withheld : str, optional
+///     Judge these stretches apart as ``summary["withheld"]``: intervals in seconds, such as ``"120:150,300:330"``. Absent: what
+///     the run of the solution withheld.
+/// reference_at_antenna : bool, optional
+///     Of a mapping: whether its positions are of the GNSS antenna. Absent: they are where there is no attitude.
+///
+/// Returns
+/// -------
+/// Comparison
+///     ``summary`` with the keys of ``insnav compare --format json``, and the errors instant by instant.
+///
+/// Raises
+/// ------
+/// ArgumentError
+///     A column of the wrong shape; solution and reference without an instant in common.
+/// LogError
+///     A file that cannot be read.
+///
+/// Warns
+/// -----
+/// InsnavWarning
+///     Errors that make one doubt the comparison; all warnings are in ``summary["warnings"]`` too.
+///
+/// Notes
+/// -----
+/// NEES is the mean of eᵀP⁻¹e per component: 1 where the stated uncertainty is right [BarShalom01, section 5.4.2].
+///
+/// Examples
+/// --------
+/// >>> import insnav
+/// >>> drive = insnav.sim.Scenario.car_drive(120.0).simulate(seed=1)
+/// >>> solution = insnav.run(drive.arrays, start=drive.start)
+/// >>> c = insnav.compare(solution, drive.truth, from_s=10.0)
+/// >>> c.position_error_n_m.shape == (len(c), 3) and bool(abs(c.position_error_n_m).max() < 10.0)
+/// True
+#[pyfunction]
+#[pyo3(signature = (
+    solution, reference, *, from_s=None, to_s=None, reference_clock="gnss", remove_mounting=false, align_earth=false,
+    course=false, withheld=None, reference_at_antenna=None
+))]
+// One argument each of the Python function.
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn compare<'py>(
+    solution: &Bound<'py, PyAny>,
+    reference: &Bound<'py, PyAny>,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
+    reference_clock: &str,
+    remove_mounting: bool,
+    align_earth: bool,
+    course: bool,
+    withheld: Option<String>,
+    reference_at_antenna: Option<bool>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = solution.py();
+    let fail = fail(py);
+    let reference_on_imu_clock = match reference_clock {
+        "gnss" => false,
+        "imu" => true,
+        other => {
+            return Err(fail(Failure::unknown_word(
+                "reference_clock",
+                other,
+                "gnss, imu",
+            )));
+        }
+    };
+    let solution_given = Given::new(solution, "solution")?;
+    let reference_given = Given::new(reference, "reference")?;
+    let request = JudgeRequest {
+        solution_name: solution_given.name(),
+        reference_name: reference_given.name(),
+        from_s,
+        to_s,
+        reference_on_imu_clock,
+        remove_mounting,
+        align_earth,
+        course,
+    };
+    let mut is = match &solution_given {
+        Given::File(path) => {
+            let path = path.clone();
+            interruptible(py, move |_| ComparedSolution::read(&path, None))?
+                .map_err(|e| fail(e.into()))?
+        }
+        Given::Columns(columns) => {
+            if let Some(rule) = columns.withheld_singly()?.filter(|_| withheld.is_none()) {
+                let warning = Warning {
+                    code: "withheld_unknown",
+                    message: format!(
+                        "the fixes withheld by {rule} are not judged apart: a solution in memory does not keep them"
+                    ),
+                    remedy: "compare the file that `run(..., output=...)` writes".into(),
+                };
+                warn(py, &warning)?;
+            }
+            columns.solution()?
+        }
+    };
+    if let Some(rule) = &withheld {
+        is.set_withheld(rule).map_err(|e| {
+            fail(Failure::new(
+                "bad_option",
+                format!("withheld: {e}"),
+                "intervals as \"120:150,300:330\"",
+            ))
+        })?;
+    }
+    let should = match &reference_given {
+        Given::File(path) => {
+            let path = path.clone();
+            let (read, back) = interruptible(py, move |_| {
+                let read = ComparedReference::read(&path, &is);
+                (read, is)
+            })?;
+            is = back;
+            read.map_err(|e| fail(e.into()))?
+        }
+        Given::Columns(columns) if columns.is_solution()? => {
+            ComparedReference::of(&columns.solution()?)
+        }
+        Given::Columns(columns) => columns.reference(is.origin, reference_at_antenna)?,
+    };
+    let origin = is.origin;
+    let judged = interruptible(py, move |_| judge(is, should, &request))?.map_err(|problem| {
+        let code = match &*problem.code {
+            "no_overlap" => "no_overlap",
+            _ => "bad_option",
+        };
+        fail(Failure::new(code, problem.message, problem.remedy))
+    })?;
+    for warning in &judged.warnings {
+        warn(py, warning)?;
+    }
+    let fields = series(py, &judged.series, origin)?;
+    fields.set_item("summary", dictionary(py, serde_json::to_string(&judged))?)?;
+    py.import("insnav._compare")?
+        .getattr("Comparison")?
+        .call((), Some(&fields))
+}
+
+/// The columns of `insnav.Comparison`; NaN where there is nothing to compare.
+fn series<'py>(
+    py: Python<'py>,
+    series: &[ErrorInstant],
+    origin: Time,
+) -> PyResult<Bound<'py, PyDict>> {
+    let fields = PyDict::new(py);
+    let vector = |name: &str, get: fn(&ErrorInstant) -> Option<Vector3<f64>>| {
+        let values = series
+            .iter()
+            .map(|e| get(e).map_or([f64::NAN; 3], Into::into));
+        fields.set_item(name, rows(py, values)?)
+    };
+    fields.set_item(
+        "time_s",
+        scalars(py, series.iter().map(|e| e.time.since(origin)))?,
+    )?;
+    vector("position_error_n_m", |e| e.error.position_n)?;
+    vector("velocity_error_n_m_per_s", |e| e.error.velocity_n)?;
+    vector("attitude_error_n_deg", |e| {
+        e.error.rotation_n.map(|r| r.map(f64::to_degrees))
+    })?;
+    vector("roll_pitch_heading_error_deg", |e| {
+        e.error.angles.map(|a| a.map(f64::to_degrees))
+    })?;
+    vector("sigma_position_n_m", |e| e.position_sigma_n)?;
+    vector("sigma_velocity_n_m_per_s", |e| e.velocity_sigma_n)?;
+    vector("sigma_attitude_n_deg", |e| {
+        e.attitude_sigma_n.map(|s| s.map(f64::to_degrees))
+    })?;
+    let nees = |name: &str, get: fn(Nees) -> Option<f64>| {
+        let values = series
+            .iter()
+            .map(|e| get(e.error.nees()).unwrap_or(f64::NAN));
+        fields.set_item(name, scalars(py, values)?)
+    };
+    nees("nees_position", |n| n.position)?;
+    nees("nees_velocity", |n| n.velocity)?;
+    nees("nees_attitude", |n| n.attitude)?;
+    let standing = series.iter().map(|e| e.standing == Some(true));
+    fields.set_item("standing", scalars(py, standing)?)?;
+    Ok(fields)
+}

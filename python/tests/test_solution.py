@@ -1,0 +1,91 @@
+"""The columns of a solution, its measurements, stops and single epochs."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from simulation import drive
+
+import insnav
+
+
+@pytest.fixture(scope="module")
+def solution() -> insnav.Solution:
+    arrays = drive(90.0).arrays(np.random.default_rng(3), gyro_white=2e-5, accel_white=2e-4)
+    return insnav.run(arrays, {"imu": {"grade": "tactical"}, "gnss": {"lever_arm_b_m": [0, 0, 0]}})
+
+
+def same(a: Any, b: Any) -> bool:
+    """To the last bit, NaN included."""
+    if isinstance(a, np.ndarray):
+        return bool(a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes())
+    if hasattr(a, "__dataclass_fields__"):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return bool(a == b)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, copy.copy, lambda s: pickle.loads(pickle.dumps(s))])
+def test_copies_are_the_same_to_the_last_bit(solution: insnav.Solution, again: Any) -> None:
+    other = again(solution)
+    assert same(solution, other) and repr(other) == repr(solution)
+    changed = copy.deepcopy(solution)
+    changed.heading_deg[5] = np.nextafter(changed.heading_deg[5], 400.0)
+    assert not same(solution, changed), "the comparison sees one bit"
+
+
+def test_every_column_has_one_row_an_epoch(solution: insnav.Solution) -> None:
+    assert len(solution) > 1000
+    for name in solution.columns:
+        assert len(getattr(solution, name)) == len(solution), name
+    # The diagonal of the covariance is the square of the sigmas.
+    diagonal = np.einsum("nii->ni", solution.position_covariance_n_m2)
+    assert np.allclose(diagonal, solution.sigma_position_n_m**2, rtol=1e-12)
+
+
+def test_an_epoch_is_the_nearest_row(solution: insnav.Solution) -> None:
+    times = solution.time_s
+    between = (times[:-1] + times[1:]) / 2
+    asked = np.concatenate([times, between + 1e-4, between - 1e-4, [times[0] - 1e-3, times[-1] + 1e-3]])
+    for t in np.random.default_rng(1).choice(asked, 300):
+        row = int(np.argmin(np.abs(times - t)))
+        epoch = solution.epoch(float(t))
+        for name in solution.columns:
+            assert np.array_equal(getattr(epoch, name), getattr(solution, name)[row], equal_nan=True), name
+    assert isinstance(epoch.height_m, float) and isinstance(epoch.standing, bool)
+    assert same(pickle.loads(pickle.dumps(epoch)), epoch)
+
+
+@pytest.mark.parametrize("t", [-5.0, 1e9, float("nan")])
+def test_there_is_no_epoch_outside(solution: insnav.Solution, t: float) -> None:
+    with pytest.raises(IndexError, match="outside of the solution, which has"):
+        solution.epoch(t)
+
+
+def test_measurements_are_those_that_the_summary_counts(solution: insnav.Solution) -> None:
+    u = solution.updates
+    assert len(u) > 500 and u.residual.shape == u.sigma.shape == (len(u), 3)
+    for told in solution.summary["aiding"]:
+        here = u.measurement == told["name"]
+        assert here.sum() == told["used"] + told["rejected"] + told["frozen"], told
+        assert (u.verdict[here] == "rejected").sum() == told["rejected"], told
+        assert np.isclose((u.nis / u.dof)[here].mean(), told["nis_mean"]), told
+    # One component: the NIS follows from residual and sigma. Three: it is at least that of the worst.
+    one = u.dof == 1
+    assert np.allclose(u.nis[one], (u.residual[one, 0] / u.sigma[one, 0]) ** 2, rtol=1e-9)
+    worst = np.max((u.residual[~one] / np.where(u.sigma[~one] > 0, u.sigma[~one], np.inf)) ** 2, axis=1)
+    assert np.all(u.nis[~one] >= worst * (1 - 1e-9))
+    assert 0.5 < np.mean(u.nis[u.measurement == "gnss_position"]) / 3 < 1.5
+
+
+def test_stops_are_those_of_the_summary(solution: insnav.Solution) -> None:
+    stops = solution.stops
+    assert len(stops) == len(solution.summary["stops"]) >= 1
+    assert stops.begin_s.tolist() == [s["begin_s"] for s in solution.summary["stops"]]
+    # The drive stands for its first 20 s.
+    assert abs(stops.end_s[0] - 20.0) < 1.0
+    assert "1, " in repr(stops)
