@@ -251,63 +251,43 @@ fn modes() -> Vec<(&'static str, Config)> {
     ]
 }
 
-#[test]
-fn standing_does_not_level_with_a_heading_that_is_given() {
+/// A minute of standing in every mode, begun as `told` (of the settings, the true heading in degrees and the seed).
+fn assert_standing_does_not_level(
+    source: HeadingSource,
+    told: impl Fn(Config, f64, u64) -> Config,
+) {
     for (what, config) in modes() {
+        let what = format!("{what}, heading {source:?}");
         let shown = over_starts(
             &config,
             &[5.0, 59.0],
             |heading| standing(60.0, heading),
-            |_, config, heading, seed| own_start(&given(*config, heading, seed)),
+            |_, config, heading, seed| own_start(&told(*config, heading, seed)),
         );
-        assert_in_band(&format!("{what}, heading given"), &shown);
-        assert!(shown.sources.iter().all(|s| *s == HeadingSource::Given));
-        assert!(
-            shown.least > 0.98 * common_part(),
-            "{what}: {}",
-            shown.least
-        );
+        assert_in_band(&what, &shown);
+        assert!(shown.sources.iter().all(|s| *s == source), "{what}");
+        let least = shown.least;
+        assert!(least > 0.98 * common_part(), "{what}: {least}");
     }
+}
+
+#[test]
+fn standing_does_not_level_with_a_heading_that_is_given() {
+    assert_standing_does_not_level(HeadingSource::Given, given);
 }
 
 #[test]
 fn standing_does_not_level_with_a_heading_that_nobody_knows() {
-    for (what, config) in modes() {
-        let shown = over_starts(
-            &config,
-            &[5.0, 59.0],
-            |heading| standing(60.0, heading),
-            |_, config, _, _| own_start(config),
-        );
-        assert_in_band(&format!("{what}, heading unknown"), &shown);
-        assert!(shown.sources.iter().all(|s| *s == HeadingSource::Unknown));
-        assert!(
-            shown.least > 0.98 * common_part(),
-            "{what}: {}",
-            shown.least
-        );
-    }
+    assert_standing_does_not_level(HeadingSource::Unknown, |config, _, _| config);
 }
 
 #[test]
 fn standing_does_not_level_without_gnss() {
-    for (what, mut config) in modes() {
+    assert_standing_does_not_level(HeadingSource::Relative, |mut config, _, _| {
         config.gnss.used = false;
         config.output.origin = Some([50.1, 14.4, 250.0]);
-        let shown = over_starts(
-            &config,
-            &[5.0, 59.0],
-            |heading| standing(60.0, heading),
-            |_, config, _, _| own_start(config),
-        );
-        assert_in_band(&format!("{what}, without GNSS"), &shown);
-        assert!(shown.sources.iter().all(|s| *s == HeadingSource::Relative));
-        assert!(
-            shown.least > 0.98 * common_part(),
-            "{what}: {}",
-            shown.least
-        );
-    }
+        config
+    });
 }
 
 /// Better gyros find no north either where rest has told their biases: heading and biases of such a start are wrong by what cancels.

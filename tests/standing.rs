@@ -1,6 +1,6 @@
 //! What a filter is told while the body stands: every H against numerical derivatives, and the held heading as an exact map.
 
-use insnav::attitude::{Euler, exp};
+use insnav::attitude::{Euler, exp, log_level};
 use insnav::config::{
     Bookkeeping, GnssConfig, HeadingRateGain, HeadingRow, SigmaScale, StandingForce,
     StationaryConfig,
@@ -20,6 +20,7 @@ use insnav::sample::GnssPosition;
 use insnav::sim::{Source, Stream};
 use insnav::time::Time;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
+use std::ops::Range;
 
 const STATES: u64 = 200;
 
@@ -71,9 +72,19 @@ fn filter_at(at: &Nominal) -> Eskf {
 
 /// Largest difference between H and what the residual does when the truth is moved.
 fn misfit<const M: usize>(model: &impl Measurement<M>, at: &Nominal, layout: &Layout) -> f64 {
+    misfit_by(model, at, layout, 0..layout.len())
+}
+
+/// The same over some of the states.
+fn misfit_by<const M: usize>(
+    model: &impl Measurement<M>,
+    at: &Nominal,
+    layout: &Layout,
+    states: Range<usize>,
+) -> f64 {
     let h = model.linearize(at, layout).h;
     let mut worst = 0.0_f64;
-    for j in 0..layout.len() {
+    for j in states {
         let step = if j < 3 { 1.0 } else { 1e-5 };
         let residual = |by: f64| {
             let mut dx = [0.0; CAPACITY];
@@ -183,6 +194,82 @@ fn the_euler_row_has_the_derivatives_of_headings_away_from_the_zenith() {
         assert!(
             misfit(&row, &at, &layout) < 1e-5,
             "seed {seed}, pitch {pitch}"
+        );
+    }
+}
+
+/// Without a heading, north is in the mean rate by the part with which the biases were found: all of it after a start that found
+/// them at rest, nothing of it in biases that are independent. Both have the derivative of that by the heading.
+#[test]
+fn a_mean_rate_has_north_in_it_as_its_biases_have() {
+    for seed in 0..STATES {
+        let mut source = Source::new(seed, Stream::Initial);
+        let mut at = random_nominal(&mut source);
+        at.imu_errors.gyro_scale = Vector3::zeros();
+        let layout = *filter_at(&at).covariance().layout();
+        let north_b = at
+            .nav
+            .q_nb
+            .inverse_transform_vector(&earth_rate_n(at.nav.position.latitude).cross(&Vector3::z()));
+        let rates = |by_heading| StandingRateModel {
+            angular_rate_b: source.normal3() * 0.01,
+            variance: Vector3::from_element(1e-8),
+            earth_rate_tells: false,
+            by_heading,
+        };
+        let [tied, independent, reversed] = [north_b, Vector3::zeros(), -north_b]
+            .map(rates)
+            .map(|r| misfit_by(&r, &at, &layout, 8..9));
+        // Of 7e-5 rad/s, by differences over 2e-5 rad of what is a hundredth.
+        assert!(
+            tied < 1e-10 && independent < 1e-10,
+            "seed {seed}: {tied}, {independent}"
+        );
+        // The control: a tie of the wrong sign.
+        assert!(reversed > 0.5 * north_b.amax(), "seed {seed}: {reversed}");
+    }
+}
+
+/// Biases that were found with a vague heading are measured without a word of it, whatever part of the tie is left.
+#[test]
+fn a_mean_rate_leaves_a_vague_heading_alone() {
+    const HEADING: f64 = 1.8;
+    for seed in 0..STATES {
+        let mut source = Source::new(seed, Stream::Initial);
+        let at = random_nominal(&mut source);
+        let tie = source.normal3() * 5e-5;
+        let mut joint = SMatrix::<f64, 9, 9>::from_diagonal_element(1e-6);
+        joint[(2, 2)] = HEADING * HEADING;
+        for i in 0..3 {
+            joint[(3 + i, 2)] = -tie[i] * HEADING * HEADING;
+            joint[(2, 3 + i)] = joint[(3 + i, 2)];
+        }
+        let biases =
+            Matrix3::from_diagonal_element(1e-8) + tie * tie.transpose() * HEADING * HEADING;
+        joint.fixed_view_mut::<3, 3>(3, 3).copy_from(&biases);
+        let after = |by_heading| {
+            let mut filter = filter_at(&at);
+            filter.set_joint_prior(&joint);
+            let model = StandingRateModel {
+                angular_rate_b: at.imu_errors.gyro_bias + Vector3::new(3e-4, -2e-4, 1e-4),
+                variance: Vector3::from_element(1e-9),
+                earth_rate_tells: false,
+                by_heading,
+            };
+            filter
+                .update(&model, at.nav.time, &mut Gate::lenient())
+                .unwrap();
+            let turned = log_level(&(filter.nominal().nav.q_nb * at.nav.q_nb.inverse())).z;
+            (turned, filter.attitude_covariance_n()[(2, 2)].sqrt())
+        };
+        let (turned, sigma) = after(tie);
+        assert!(turned.abs() < 1e-9, "seed {seed}: {turned}");
+        assert!((sigma - HEADING).abs() < 1e-9, "seed {seed}: {sigma}");
+        // The control: a measurement that does not know of the tie.
+        let (turned, sigma) = after(Vector3::zeros());
+        assert!(
+            turned.abs() > 1e-4 && sigma < HEADING - 1e-3,
+            "seed {seed}: {turned}, {sigma}"
         );
     }
 }

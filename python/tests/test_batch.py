@@ -298,8 +298,8 @@ def test_clears_away_only_what_nobody_writes_any_more(tmp_path: Path) -> None:
     ended.wait()
     record = Record(tmp_path / "a.json", {}, uuid.uuid4().hex, tmp_path / "a.mcap")
     lives, dead, own = os.getppid(), ended.pid, os.getpid()
-    kept = [f".a.mcap.{lives}.partial", f".a.json.{dead}-{'0' * 8}-{'1' * 8}.partial", ".a.mcap.notes.partial"]
-    gone = [f".a.mcap.{dead}.partial", f".a.mcap.{own}.partial", f".a.json.{dead}.partial"]
+    kept = [f".a.mcap.{lives}.partial", f".a.json.{dead}-{'0' * 8}-{'1' * 8}.partial", ".a.mcap.notes.partial", f".a.mcap.{lives}.2.partial"]
+    gone = [f".a.mcap.{dead}.partial", f".a.mcap.{dead}.1.partial", f".a.mcap.{own}.partial", f".a.json.{dead}.partial"]
     for name in kept + gone:
         (tmp_path / name).touch()
     record.begin()

@@ -165,6 +165,15 @@ def test_ctrl_c_ends_it(work: str, tmp_path: Path) -> None:
     print(work, lines)
 
 
+def test_a_file_is_given_up_while_the_run_does_not_listen(tmp_path: Path) -> None:
+    """An hour at rest looks for its heading once, for a quarter of a second, when the file has been begun."""
+    for after in np.arange(0.25, 0.70, 0.03):
+        first, alive = python(INTERRUPTED, "run_to_file", tmp_path, after)
+        verdict, latency, *left = first.split(maxsplit=2)
+        assert (verdict, left, alive) == ("interrupted", ["[]"], "True"), first
+        assert float(latency) < BAR_S, first
+
+
 def test_sums_are_as_before_an_interrupted_run(tmp_path: Path) -> None:
     again = """
 work = insnav.noise.LagAccumulator(3, 5000)

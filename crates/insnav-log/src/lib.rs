@@ -64,7 +64,9 @@ pub use log_writer::{LogWriter, LogWriterOptions};
 pub use mcap_writer::Compression;
 pub use message::MessageKind;
 pub use orientation::OrientationTable;
-pub use output_file::{check_output, is_standard_stream, remove_unfinished_outputs, write_output};
+pub use output_file::{
+    abandon_outputs_of, check_output, is_standard_stream, remove_unfinished_outputs, write_output,
+};
 pub use problem::Problem;
 pub use run::{
     AccelDeviation, AccelFit, Allan, Als, AlsHeading, AlsWindow, Fits, GyroDeviation, GyroFit,

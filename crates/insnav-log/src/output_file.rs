@@ -1,17 +1,28 @@
 //! An output that appears whole or not at all.
 
 use crate::error::LogError;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, IsTerminal, Seek, SeekFrom, Stdout, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
+
+/// Who writes a temporary file.
+#[derive(Debug)]
+struct Writer {
+    /// That has begun it.
+    thread: ThreadId,
+    /// Nobody wants it any more: it is removed already, and does not get its name.
+    abandoned: bool,
+}
 
 /// Temporary files that are being written, of the whole process: what an interruption has to remove.
-static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+static UNFINISHED: Mutex<BTreeMap<PathBuf, Writer>> = Mutex::new(BTreeMap::new());
 
-fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    // A set of paths is whole whatever a panic interrupted.
+fn unfinished() -> MutexGuard<'static, BTreeMap<PathBuf, Writer>> {
+    // A map of paths is whole whatever a panic interrupted.
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -19,11 +30,26 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 ///
 /// Until the end no output can begin or get its name, so that nothing half-written is left behind.
 pub fn remove_unfinished_outputs(end: impl FnOnce()) {
-    let paths = unfinished();
-    for path in paths.iter() {
+    let writers = unfinished();
+    for path in writers.keys() {
         let _ = fs::remove_file(path);
     }
     end();
+}
+
+/// Give up the outputs that a thread has begun and not finished, for one who waits for that thread no longer: what there is of them is
+/// removed, and whatever the thread still does, they do not appear. Returns how many there were.
+pub fn abandon_outputs_of(thread: ThreadId) -> usize {
+    let mut writers = unfinished();
+    let mut count = 0;
+    for (path, writer) in writers.iter_mut() {
+        // Where an open file cannot be removed, it stays with its writer.
+        if writer.thread == thread && !writer.abandoned && fs::remove_file(path).is_ok() {
+            writer.abandoned = true;
+            count += 1;
+        }
+    }
+    count
 }
 
 /// Whether a path means standard output.
@@ -110,10 +136,9 @@ impl OutputFile {
                 length: 0,
             });
         }
-        let name = target.file_name().filter(|_| !target.is_dir());
-        let Some(name) = name else {
+        if target.file_name().is_none() || target.is_dir() {
             return Err(unwritable(io::Error::from(io::ErrorKind::IsADirectory)));
-        };
+        }
         if !overwrite && target.exists() {
             return Err(LogError::OutputExists {
                 path: target.into(),
@@ -126,19 +151,27 @@ impl OutputFile {
                 "not a file but a device or a pipe",
             )));
         }
-        let mut temporary_name = std::ffi::OsString::from(".");
-        temporary_name.push(name);
-        temporary_name.push(format!(".{}.partial", std::process::id()));
-        let temporary = target.with_file_name(temporary_name);
         let mut open = OpenOptions::new();
-        let mut paths = unfinished();
+        let mut writers = unfinished();
+        let mut temporary = temporary_name(target, 0);
+        let mut others = 0;
+        while writers.contains_key(&temporary) {
+            others += 1;
+            temporary = temporary_name(target, others);
+        }
         let file = open
             .write(true)
             .create(true)
             .truncate(true)
             .open(&temporary)
             .map_err(unwritable)?;
-        paths.insert(temporary.clone());
+        writers.insert(
+            temporary.clone(),
+            Writer {
+                thread: thread::current().id(),
+                abandoned: false,
+            },
+        );
         Ok(OutputFile {
             target: target.into(),
             temporary: Some(temporary),
@@ -160,13 +193,16 @@ impl OutputFile {
             return Ok(self.length);
         };
         // Held until the name is given: an interruption comes before or after, not in between.
-        let mut paths = unfinished();
+        let mut writers = unfinished();
+        if writers.get(temporary).is_none_or(|w| w.abandoned) {
+            return Err(unwritable(io::Error::from(io::ErrorKind::Interrupted)));
+        }
         if !self.overwrite && self.target.exists() {
             // It appeared while we were writing.
             return Err(LogError::OutputExists { path: target });
         }
         fs::rename(temporary, &self.target).map_err(unwritable)?;
-        paths.remove(temporary);
+        writers.remove(temporary);
         self.temporary = None;
         Ok(self.length)
     }
@@ -198,11 +234,24 @@ impl Seek for OutputFile {
 impl Drop for OutputFile {
     fn drop(&mut self) {
         if let Some(temporary) = self.temporary.take() {
-            let mut paths = unfinished();
-            let _ = fs::remove_file(&temporary);
-            paths.remove(&temporary);
+            let mut writers = unfinished();
+            if writers.remove(&temporary).is_some_and(|w| !w.abandoned) {
+                let _ = fs::remove_file(&temporary);
+            }
         }
     }
+}
+
+/// Beside the target, of this process; `others` writers of it have that target too.
+fn temporary_name(target: &Path, others: usize) -> PathBuf {
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    name.push(format!(".{}", std::process::id()));
+    if others > 0 {
+        name.push(format!(".{others}"));
+    }
+    name.push(".partial");
+    target.with_file_name(name)
 }
 
 #[cfg(test)]
@@ -237,6 +286,40 @@ mod tests {
             (fs::read(&target).unwrap().as_slice(), count()),
             (b"new".as_slice(), 1)
         );
+    }
+
+    /// Whoever writes it goes on unheard, and is in nobody's way.
+    #[test]
+    fn an_abandoned_output_is_gone_at_once_and_does_not_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.txt");
+        let names = || fs::read_dir(folder.path()).unwrap().count();
+        let begin = |text: &str| {
+            let mut file = OutputFile::create(&target, true).unwrap();
+            file.write_all(text.as_bytes()).unwrap();
+            file
+        };
+        let own = begin("own");
+        let worker = thread::scope(|scope| {
+            let worker = scope.spawn(|| (thread::current().id(), [begin("one"), begin("two")]));
+            worker.join().unwrap()
+        });
+        let (thread, [one, two]) = worker;
+        assert_eq!(names(), 3);
+        assert_eq!((abandon_outputs_of(thread), names()), (2, 1));
+        assert_eq!(abandon_outputs_of(thread), 0);
+
+        let next = begin("next");
+        let refused = one.commit().unwrap_err();
+        assert_eq!(refused.code(), "output_not_writable");
+        drop(two);
+        assert_eq!((names(), target.exists()), (2, false));
+        // The control: those of other threads.
+        next.commit().unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"next");
+        own.commit().unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"own");
+        assert_eq!(names(), 1);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! function of what it owns goes to a thread of its own ([`interruptible`]), while the caller waits with the interpreter released and looks
 //! for signals. Loops over an object that is somebody else's look for themselves ([`Signals`]).
 
-use insnav_log::RunError;
+use insnav_log::{RunError, abandon_outputs_of};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// How often signals are looked for: an eighth of what users take for "at once".
 const TICK: Duration = Duration::from_millis(25);
-/// How long work that was asked to stop is waited for, unless it writes a file.
+/// How long work that was asked to stop is waited for.
 const GRACE: Duration = Duration::from_millis(50);
 /// As much as the main thread of a process has.
 const STACK_BYTES: usize = 8 << 20;
@@ -51,7 +51,7 @@ impl Stop {
         }
     }
 
-    /// From now on there is something half-written, which the work removes when it is asked to stop: it is waited for.
+    /// From now on the thread of the work may write a file: one who gives up the work gives up the file too.
     pub(crate) fn writes(&self) {
         self.writing.store(true, Ordering::SeqCst);
     }
@@ -75,6 +75,7 @@ pub(crate) fn interruptible<T: Send + 'static>(
             let _ = done.send(work(&seen));
         })
         .map_err(|e| PyRuntimeError::new_err(format!("no thread to work in: {e}")))?;
+    let thread = worker.thread().id();
     loop {
         let (answer, back) = wait(py, result, TICK);
         result = back;
@@ -89,7 +90,8 @@ pub(crate) fn interruptible<T: Send + 'static>(
         if let Err(raised) = py.check_signals() {
             stop.asked.store(true, Ordering::SeqCst);
             let (_, mut result) = wait(py, result, GRACE);
-            while stop.writing.load(Ordering::SeqCst) {
+            // Nothing half-written is left behind, were the process to end now.
+            while stop.writing.load(Ordering::SeqCst) && abandon_outputs_of(thread) == 0 {
                 let (answer, back) = wait(py, result, TICK);
                 result = back;
                 if !matches!(answer, Err(RecvTimeoutError::Timeout)) {

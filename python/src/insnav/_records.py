@@ -24,8 +24,8 @@ from insnav._locks import locked
 _HEAD = '{\n "batch": "'
 _BEGINS_AS_OURS = re.compile(re.escape(_HEAD) + "[0-9a-f]{32}\"")
 _CUT_BEFORE_THAT = re.compile(re.escape(_HEAD) + "[0-9a-f]{0,32}")
-#: Of the name of a file that is half written, between the name that it is to have and `.partial`: the process, and of records more.
-_WRITER = re.compile("([0-9]+)(?:-([0-9a-f]{8})-[0-9a-f]{8})?")
+#: Of the name of a file that is half written, between the name that it is to have and `.partial`: the process, of records more, of several outputs a number.
+_WRITER = re.compile("([0-9]+)(?:-([0-9a-f]{8})-[0-9a-f]{8}|\\.[0-9]+)?")
 
 
 def hash_of_file(path: Path) -> str:

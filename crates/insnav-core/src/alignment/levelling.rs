@@ -42,6 +42,13 @@ pub(super) struct Level {
     pub(super) standing_s: f64,
 }
 
+impl Level {
+    /// Body to local axes at the first sample, with this heading.
+    pub(super) fn facing(&self, heading: f64) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * self.q_level
+    }
+}
+
 /// Level from standing data if the log begins with some, else from the mean of the first seconds in motion.
 pub(super) fn level(
     imu: &[Inertial],
@@ -99,7 +106,7 @@ pub(super) fn level_with_velocity(
         return None;
     }
     let acceleration_n = (to.velocity_n - from.velocity_n) / span;
-    let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * heading) * level.q_level;
+    let q_nb = level.facing(heading);
     let horizontal = Vector3::new(acceleration_n.x, acceleration_n.y, 0.0);
     let inside: Vec<Inertial> = imu
         .iter()

@@ -190,7 +190,7 @@ impl InertialTests {
             rate = y.fixed_rows::<3>(3).into_owned();
         }
         let one = Moments::of(dt, &force, &rate);
-        moved.long = self.long.push_one(&one);
+        moved.long = self.long.push(&one);
         if self.kind == DetectorKind::Composite {
             self.tone.push(&force, &rate);
             if moved.long {
@@ -202,10 +202,7 @@ impl InertialTests {
         {
             self.slow.push(part);
         }
-        moved.short = self
-            .short
-            .as_mut()
-            .is_some_and(|short| short.push_one(&one));
+        moved.short = self.short.as_mut().is_some_and(|short| short.push(&one));
         moved
     }
 

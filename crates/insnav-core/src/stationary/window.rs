@@ -120,14 +120,8 @@ impl Window {
         self.open = Moments::default();
     }
 
-    /// Take a reading that stands for `dt` seconds; true when the window has moved on by a part.
-    #[cfg(test)]
-    pub(super) fn push(&mut self, dt: f64, force: &Vector3<f64>, rate: &Vector3<f64>) -> bool {
-        self.push_one(&Moments::of(dt, force, rate))
-    }
-
     /// Take the sums over one reading, which two windows share; true when the window has moved on by a part.
-    pub(super) fn push_one(&mut self, one: &Moments) -> bool {
+    pub(super) fn push(&mut self, one: &Moments) -> bool {
         let dt = one.span;
         self.open.add(one);
         if self.open.span + 0.5 * dt < self.length / PARTS {
@@ -198,7 +192,7 @@ mod tests {
             let mut moved = 0;
             for i in 0..5000 {
                 let (force, rate_b) = reading(i);
-                if !window.push(dt, &force, &rate_b) {
+                if !window.push(&Moments::of(dt, &force, &rate_b)) {
                     continue;
                 }
                 moved += 1;

@@ -35,7 +35,12 @@ struct Reading {
     remedy: &'static str,
     /// Velocity north and east by what is taken for it, with latitude and longitude in the units that they are taken for.
     velocity: fn(Vector2<f64>, Vector2<f64>) -> Option<Vector2<f64>>,
+    /// What looks like it on some roads: another velocity than the receiver's, and the remedy for that.
+    lookalike: Option<Lookalike>,
 }
+
+/// The way of the positions as they are taken, as what is wrong instead makes it, and what to do then.
+type Lookalike = (fn(Vector2<f64>) -> Vector2<f64>, &'static str);
 
 const READINGS: [Reading; 2] = [
     Reading {
@@ -47,6 +52,7 @@ const READINGS: [Reading; 2] = [
             let east = at.x.cos() / at.x.to_radians().cos();
             inside.then(|| Vector2::new(v.x, v.y * east) * 1f64.to_degrees())
         },
+        lookalike: None,
     },
     Reading {
         code: "positions_swapped",
@@ -57,6 +63,11 @@ const READINGS: [Reading; 2] = [
             let (as_given, as_meant) = (at.x.to_radians().cos(), at.y.to_radians().cos());
             inside.then(|| Vector2::new(v.y / as_given, v.x * as_meant))
         },
+        // Near the equator, and on roads to the north.
+        lookalike: Some((
+            |p| Vector2::new(p.y, p.x),
+            "if the positions are right, give the velocity north first, then east",
+        )),
     },
 ];
 
@@ -93,18 +104,18 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     if as_given < OFF {
         return None;
     }
-    // Near the equator, and on roads to the north, a velocity east before north looks like longitude before latitude.
-    let turned = off(&|p| Some(Vector2::new(p.y, p.x)))?;
     READINGS.iter().find_map(|reading| {
         let otherwise = off(&|p| (reading.velocity)(p, at)).filter(|off| *off < FITS)?;
-        let is_swap = reading.code == "positions_swapped";
-        if is_swap && otherwise > SURELY * turned {
+        let lookalike = reading
+            .lookalike
+            .and_then(|(way, remedy)| Some((off(&|p| Some(way(p)))?, remedy)));
+        if lookalike.is_some_and(|(alike, _)| otherwise > SURELY * alike) {
             return None;
         }
-        let certain = !is_swap || turned > SURELY * otherwise;
+        let rival = lookalike.filter(|(alike, _)| *alike <= SURELY * otherwise);
         let finding = Finding::new(
             reading.code,
-            if certain {
+            if rival.is_none() {
                 Severity::Fatal
             } else {
                 Severity::Warning
@@ -121,13 +132,9 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
             ),
             "the solution would be somewhere else on the Earth, and the filter would reject one or the other",
         );
-        Some(if certain {
-            finding.remedy(reading.remedy)
-        } else {
-            finding.remedy(format!(
-                "{}; or, if the positions are right, give the velocity north first, then east",
-                reading.remedy
-            ))
+        Some(match rival {
+            None => finding.remedy(reading.remedy),
+            Some((_, instead)) => finding.remedy(format!("{}; or, {instead}", reading.remedy)),
         })
     })
 }

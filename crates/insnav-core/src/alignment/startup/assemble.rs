@@ -15,7 +15,7 @@ use crate::mechanization::NavState;
 use crate::sample::GnssPosition;
 use crate::stationary::GyroSteps;
 use crate::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 /// The first fix is used again as a measurement: its sigma as a prior is widened so that this counts for 1 %.
 const PRIOR_WIDENING: f64 = 10.0;
@@ -91,7 +91,7 @@ impl Startup {
         } else {
             level
         };
-        let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
+        let q_nb = level.facing(course.heading);
         let gyros = match (bias, base) {
             (Some((rate, sigma)), _) => {
                 let earth_rate_b =
@@ -153,7 +153,7 @@ impl Startup {
         gyros: &Gyros,
     ) -> Alignment {
         let begin = imu[0].time;
-        let q_nb = UnitQuaternion::from_scaled_axis(Vector3::z() * course.heading) * level.q_level;
+        let q_nb = level.facing(course.heading);
         let (velocity_n, velocity_sigma) = self.velocity_at(begin, level.standing_s > 0.0);
         let since = begin.since(fix.time);
         let lever_n = q_nb * self.lever_arm_b;
