@@ -318,9 +318,9 @@ if __name__ == "__main__":
         do_all(time.sleep, [60.0] * 2, [0, 1], workers=2, client=None, progress=None)
     except KeyboardInterrupt:
         begin = time.monotonic()
-        while multiprocessing.active_children() and time.monotonic() < begin + 10:
+        while multiprocessing.active_children() and time.monotonic() < begin + 20:
             time.sleep(0.01)
-        print("ended", time.monotonic() - begin)
+        print("interrupted", len(multiprocessing.active_children()))
 """
 
 
@@ -330,8 +330,8 @@ def test_workers_end_however_early_the_batch_is_interrupted(after: float, tmp_pa
     script = tmp_path / "script.py"
     script.write_text(INTERRUPTED)
     done = subprocess.run([sys.executable, str(script), str(after)], capture_output=True, text=True, timeout=60)
-    said, waited = done.stdout.split()
-    assert said == "ended" and float(waited) < 2.0, done
+    # Left alone they would sleep for a minute.
+    assert done.stdout.split() == ["interrupted", "0"], done
 
 
 def test_a_worker_whose_successor_dies_too_has_lost_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
