@@ -55,7 +55,7 @@ start = {
 # What is given is there before the work begins.
 if sys.argv[1] == "from_ecef":
     places = np.full((10_000_000, 3), 4e6)
-if sys.argv[1] == "align_record":
+if sys.argv[1] in ("align_record", "write_mcap"):
     long = np.arange(5 * n) / 200, np.tile(gyro, (5, 1)), np.tile(accel, (5, 1))
 
 def propagate():
@@ -76,7 +76,7 @@ work = {
     "simulate": lambda: insnav.sim.Scenario.car_drive(20_000.0).simulate(1),
     "detect": lambda: insnav.stationary.detect(arrays),
     "attitude_filter": lambda: insnav.AttitudeFilter().run(t, gyro, accel),
-    "write_mcap": lambda: insnav.write_mcap(folder / "log.mcap", arrays),
+    "write_mcap": lambda: insnav.write_mcap(folder / "log.mcap", {"imu": long}),
     "kozadaev2017": lambda: insnav.sim.kozadaev2017(100, jobs=1),
     "lobusov2014": lambda: insnav.sim.lobusov2014(100, jobs=1),
     "belokurov2018": lambda: insnav.sim.belokurov2018(100, jobs=1),
