@@ -5,6 +5,7 @@
 
 #[cfg(feature = "std")]
 mod batch;
+mod gap;
 mod horizon;
 mod optional_states;
 mod resting;
@@ -22,7 +23,7 @@ use crate::error::{Error, Result};
 #[cfg(doc)]
 use crate::filter::COVARIANCE_STEP;
 use crate::filter::{Eskf, GYRO_BIAS, InitialSigma, VELOCITY, Verdict};
-use crate::imu::{ImuErrors, ImuNoise, STANDARD_GRAVITY};
+use crate::imu::{ImuErrors, ImuNoise};
 use crate::measurement::{GnssPositionAid, GnssVelocityAid, HeadingAid, NonholonomicAid};
 use crate::mechanization::{Increment, IncrementBuilder, NavState};
 #[cfg(feature = "std")]
@@ -31,6 +32,8 @@ use crate::sample::Sample;
 use crate::solution::{Epoch, Event, Motion, Sink};
 use crate::stationary::{Belief, Evidence, GAP, GnssSpeed, LOOK_AHEAD, StopDetector, StopEnd};
 use crate::time::Time;
+pub use gap::longest_bridged;
+use gap::{Gap, held_over_gap};
 use horizon::{Horizon, NotTaken};
 use nalgebra::{Matrix3, Vector3};
 use optional_states::OptionalStates;
@@ -43,12 +46,6 @@ const DELAY: f64 = 0.5 + LOOK_AHEAD;
 /// So much of what was kept at a start does the detector see before the run begins, s: its window and what it waits beyond.
 #[cfg(feature = "std")]
 const SCOUT: f64 = 3.5;
-/// After a longer gap the run starts anew, s: a car may have turned round, which no linear filter bridges.
-#[cfg(feature = "std")]
-const RESTART_GAP: f64 = 5.0;
-/// What a car may do unseen in a gap, beyond what the samples at its ends show: rate, rad/s, and specific force, m/s².
-const GAP_RATE_SIGMA: f64 = 0.1;
-const GAP_FORCE_SIGMA: f64 = 1.0;
 
 /// Turns samples into a navigation solution: start, delayed horizon, strapdown, filter, aiding.
 ///
@@ -194,7 +191,7 @@ impl Navigator {
             velocity_lag: gnss.velocity_lag_s,
             noise,
             #[cfg(feature = "std")]
-            afresh: Startup::new(config, noise),
+            afresh: Startup::new(config, noise).later(),
             stage,
             horizon: Horizon::new(delay),
             builder: IncrementBuilder::default(),
@@ -478,7 +475,7 @@ impl Navigator {
         let last = self.builder.time();
         #[cfg(feature = "std")]
         if let Some(from) = last
-            && next.time().since(from) > RESTART_GAP
+            && next.time().since(from) > longest_bridged(self.afresh.vehicle())
             // Without GNSS nothing would say where: the gap is bridged, whatever it costs.
             && self.gnss
         {
@@ -497,6 +494,7 @@ impl Navigator {
         if last.is_some_and(|last| last < now) {
             rest = rest.map(|whole| whole.split_at(now).1);
         }
+        let mut gap = None;
         if let (Some(from), Some(increment)) = (last, &rest)
             && increment.dt > GAP
         {
@@ -505,7 +503,7 @@ impl Navigator {
                 to: next.time(),
             });
             failed = self.standing.end(StopEnd::Gap, filter, sink).err();
-            filter.bridge(increment.dt, GAP_RATE_SIGMA, GAP_FORCE_SIGMA);
+            gap = Some(Gap::over(increment));
             if matches!(next, Sample::ImuIncrement(_)) {
                 rest = Some(held_over_gap(increment));
             }
@@ -519,7 +517,7 @@ impl Navigator {
         while let Some(aid) = self.horizon.pop_aiding() {
             if let Some(whole) = rest {
                 let (head, tail) = whole.split_at(aid.time());
-                failed = failed.or(self.standing.propagate(&head, filter, sink).err());
+                failed = failed.or(pass(&head, &mut gap, &mut self.standing, filter, sink).err());
                 rest = Some(tail);
             }
             self.standing.catch_up(filter);
@@ -565,7 +563,7 @@ impl Navigator {
         }
         self.horizon.pop();
         if let Some(increment) = rest {
-            failed = failed.or(self.standing.propagate(&increment, filter, sink).err());
+            failed = failed.or(pass(&increment, &mut gap, &mut self.standing, filter, sink).err());
         }
         let observed = self
             .standing
@@ -612,28 +610,32 @@ impl Navigator {
     }
 }
 
+/// Move over an increment, in a gap step by step.
+fn pass(
+    increment: &Increment,
+    gap: &mut Option<Gap>,
+    standing: &mut Standing,
+    filter: &mut Eskf,
+    sink: &mut impl Sink,
+) -> Result<()> {
+    let Some(gap) = gap else {
+        return standing.propagate(increment, filter, sink);
+    };
+    let (mut rest, mut outcome) = (*increment, Ok(()));
+    while rest.dt > 0.0 {
+        let (step, after) = gap.split(&rest);
+        outcome = outcome.and(standing.propagate(&step, filter, sink));
+        gap.widen(&step, filter);
+        rest = after;
+    }
+    outcome
+}
+
 fn build(builder: &mut IncrementBuilder, sample: &Sample) -> Option<Increment> {
     match sample {
         Sample::Imu(s) => builder.push(s),
         Sample::ImuIncrement(s) => builder.push_increment(s),
         _ => None,
-    }
-}
-
-/// An increment over a gap. A unit that did not count on in between gives that of its last interval alone, which gravity
-/// shows: it is then held for the whole gap, as rates are.
-fn held_over_gap(increment: &Increment) -> Increment {
-    let expected = STANDARD_GRAVITY * increment.dt;
-    let seen = increment.velocity_b.norm();
-    let factor = if seen > 0.0 && seen < 0.5 * expected {
-        expected / seen
-    } else {
-        1.0
-    };
-    Increment {
-        rotation_b: increment.rotation_b * factor,
-        velocity_b: increment.velocity_b * factor,
-        ..*increment
     }
 }
 

@@ -3,6 +3,8 @@
 use super::fit::quantile;
 use super::{Finding, Severity, SourceFacts, why_no_place};
 use crate::{Role, TimeSource, TopicStatistics};
+use insnav_core::config::VehicleKind;
+use insnav_core::navigator::longest_bridged;
 use insnav_core::time::Time;
 
 /// Clocks of two topics that differ by more against the recorder's have different sources, s.
@@ -15,8 +17,6 @@ const GNSS_GAP: f64 = 10.0;
 const EARLY: f64 = 5.0;
 /// Beyond this share of lost messages there is something to mend.
 const LOST: f64 = 0.02;
-/// Beyond this the navigator starts anew, s.
-const RESTART: f64 = 5.0;
 
 pub(super) fn find(source: &SourceFacts, origin: Time) -> Vec<Finding> {
     let mut found = Vec::new();
@@ -302,11 +302,14 @@ fn gaps(topics: &[(Role, TopicStatistics)], origin: Time) -> Vec<Finding> {
             })
     };
     let (all, alone): (Vec<_>, Vec<_>) = of_imu.into_iter().partition(silent);
+    let [of_cars, of_others] = [VehicleKind::Car, VehicleKind::Any].map(longest_bridged);
     let bridged = |gaps: &[(Time, Time)]| {
-        if gaps.iter().any(|g| length(g) > RESTART) {
-            "over more than 5 s the navigation starts anew; shorter gaps are bridged with widened sigmas"
+        if gaps.iter().any(|g| length(g) > of_cars) {
+            format!(
+                "over more than {of_cars} s ({of_others} s of what is no car) the navigation starts anew; shorter gaps are bridged with widened sigmas"
+            )
         } else {
-            "bridged with widened sigmas"
+            "bridged with widened sigmas".to_owned()
         }
     };
     if !all.is_empty() {

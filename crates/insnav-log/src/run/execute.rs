@@ -13,9 +13,9 @@ use super::tally::{Tally, Totals};
 use super::withhold::{Withhold, Withholding};
 use crate::config_text;
 use insnav_core::alignment::HeadingSource;
-use insnav_core::config::{SigmaScale, StationaryMode, VehicleKind};
+use insnav_core::config::{Config, SigmaScale, StationaryMode, VehicleKind};
 use insnav_core::error::Error as CoreError;
-use insnav_core::navigator::Navigator;
+use insnav_core::navigator::{Navigator, longest_bridged};
 use insnav_core::sample::Sample;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -24,8 +24,6 @@ use std::time::Instant;
 const VAGUE_HEADING_DEG: f64 = 20.0;
 /// Gyros whose biases are of this size hide the Earth's rate, °/h.
 const HIDES_THE_EARTH_DEG_PER_HOUR: f64 = 100.0;
-/// Gaps beyond this end a run inside the navigator, which begins another.
-const LONGEST_BRIDGED_S: f64 = 5.0;
 
 impl Plan {
     /// Run the navigator over the source, into the sink.
@@ -125,11 +123,7 @@ impl Plan {
         }
         let mut warnings = self.warnings.clone();
         warnings.extend(tally.totals.unusable.warning());
-        warnings.extend(findings(
-            &tally,
-            self.imu_only.is_some(),
-            self.config.stationary.mode,
-        ));
+        warnings.extend(findings(&tally, self.imu_only.is_some(), &self.config));
         warnings.extend(compass(
             tally.totals.alignment.as_ref(),
             &self.survey,
@@ -290,8 +284,10 @@ fn coarse_gyros(stops: &[StopReport]) -> Option<(String, &'static str)> {
 fn findings<S: SolutionSink>(
     tally: &Tally<'_, S>,
     without_gnss: bool,
-    mode: StationaryMode,
+    config: &Config,
 ) -> Vec<Warning> {
+    let mode = config.stationary.mode;
+    let bridged = longest_bridged(config.vehicle.kind);
     let mut found = Vec::new();
     let mut warn = |code, message: String, remedy: &str| {
         found.push(Warning {
@@ -312,12 +308,12 @@ fn findings<S: SolutionSink>(
                     format!("{} gaps", e.imu_gaps)
                 },
                 e.longest_gap_s,
-                if without_gnss {
-                    ""
-                } else if e.longest_gap_s > LONGEST_BRIDGED_S {
-                    "; where one was longer than 5 s the navigation started anew after it"
+                if without_gnss || e.longest_gap_s <= bridged {
+                    String::new()
                 } else {
-                    ""
+                    format!(
+                        "; where one was longer than {bridged} s the navigation started anew after it"
+                    )
                 }
             ),
             "record with a larger queue for the IMU topic",

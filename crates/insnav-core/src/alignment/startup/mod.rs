@@ -109,6 +109,19 @@ impl Startup {
         }
     }
 
+    /// In the middle of a drive: what is told of the heading is told of its begin.
+    #[must_use]
+    pub fn later(mut self) -> Self {
+        self.settings.heading_deg = None;
+        self.settings.heading_sigma_deg = None;
+        self
+    }
+
+    /// What is navigated.
+    pub fn vehicle(&self) -> VehicleKind {
+        self.vehicle
+    }
+
     /// Keep a sample.
     pub fn push(&mut self, sample: Sample) {
         if let Sample::Magnetic(field) = sample {
