@@ -15,8 +15,8 @@ class Arrays(TypedDict, total=False):
     """What :func:`insnav.run` takes in place of a log: for each kind of data a tuple of columns.
 
     Every column is an array or what ``numpy.asarray`` takes, with one row per stamp and no element masked. ``time_s`` has shape (n,) and does
-    not go backward: seconds on one clock for all kinds, or ``datetime64``, which keeps stamps of today exact. ``n`` is
-    north-east-down, ``b`` is forward-right-down.
+    not go backward: seconds on one clock for all kinds, or dates (``datetime64``, those of pandas and Python's own, of any zone), which keep
+    stamps of today exact and are instants whatever ``t0_ns`` says. ``n`` is north-east-down, ``b`` is forward-right-down.
 
     Attributes
     ----------

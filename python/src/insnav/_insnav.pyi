@@ -1,3 +1,4 @@
+import datetime as dt
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, ClassVar, Final, Literal, TypeAlias, final, overload
@@ -349,7 +350,7 @@ FLATTENING: Final[float]
 SEMI_MAJOR_AXIS: Final[float]
 SEMI_MINOR_AXIS: Final[float]
 
-_Instant: TypeAlias = float | np.datetime64
+_Instant: TypeAlias = float | np.datetime64 | dt.datetime
 
 def exp(rotation: ArrayLike) -> _Column: ...
 def log(q: ArrayLike) -> _Column: ...

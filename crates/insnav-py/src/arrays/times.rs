@@ -5,24 +5,21 @@ use crate::failure::Failure;
 use insnav_core::time::Time;
 use numpy::{PyArray1, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyFloat;
+use pyo3::types::{PyDict, PyFloat, PyList};
 
 /// What 64 bits of nanoseconds hold, s.
 const MOST_SECONDS: f64 = 9.2e9;
 
 impl<'py> Argument<'py> {
-    /// One instant: seconds, or a `datetime64`, which keeps stamps of today exact.
+    /// One instant: seconds, or a date (`datetime64`, pandas's, Python's own), which keeps stamps of today exact.
     pub(crate) fn instant(&self) -> Result<Time, Failure> {
         let seconds = match self.object.cast::<PyFloat>() {
             Ok(seconds) => Some(seconds.value()),
             Err(_) => {
                 let array = self.asarray(None)?;
-                let is_date = array
-                    .cast::<PyUntypedArray>()
-                    .is_ok_and(|a| a.dtype().kind() == b'M');
-                if is_date {
-                    let row = array.call_method1("reshape", (1,)).map_err(|_| {
-                        self.wrong_shape(&shape_of(&array), "()", "give one instant")
+                if let Some(dates) = self.as_dates(&array)? {
+                    let row = dates.call_method1("reshape", (1,)).map_err(|_| {
+                        self.wrong_shape(&shape_of(&dates), "()", "give one instant")
                     })?;
                     let time = self
                         .dates(&row, "datetime64[ns]")?
@@ -54,21 +51,13 @@ impl<'py> Argument<'py> {
         .about(&self.name, "no finite time", "a finite time")
     }
 
-    /// Shape (n,): stamps, as seconds or as `datetime64`, in an order that does not go backward.
+    /// Shape (n,): stamps, as seconds or as dates, in an order that does not go backward.
     pub(crate) fn times(&self) -> Result<Vec<Time>, Failure> {
         let array = self.asarray(None)?;
-        let kind = array
-            .cast::<PyUntypedArray>()
-            .map_or(b'f', |a| a.dtype().kind());
-        let times = match kind {
-            b'M' => self.dates(&array, "datetime64[ns]")?,
-            b'm' => self.dates(&array, "timedelta64[ns]")?,
-            // Dates with a zone come as objects; numbers of them would count nanoseconds.
-            b'O' if self.holds_dates(&array) => {
-                let dates = self.asarray(Some("datetime64[ns]"))?;
-                self.dates(&dates, "datetime64[ns]")?
-            }
-            _ => self.seconds()?,
+        let times = match self.as_dates(&array)? {
+            Some(dates) => self.dates(&dates, "datetime64[ns]")?,
+            None if kind(&array) == b'm' => self.dates(&array, "timedelta64[ns]")?,
+            None => self.seconds()?,
         };
         let mut checked: Vec<Time> = Vec::with_capacity(times.len());
         for (row, time) in times.into_iter().enumerate() {
@@ -103,34 +92,47 @@ impl<'py> Argument<'py> {
         Ok(checked)
     }
 
-    /// Whether it holds `datetime64`.
+    /// Whether it holds dates, which are instants whatever seconds count from: `datetime64`, pandas's or Python's own.
     pub(crate) fn is_dates(&self) -> Result<bool, Failure> {
-        let array = self.asarray(None)?;
-        Ok(array
-            .cast::<PyUntypedArray>()
-            .is_ok_and(|a| a.dtype().kind() == b'M'))
+        Ok(holds_dates(&self.asarray(None)?))
     }
 
     /// Whether it holds dates or durations of any kind.
     pub(crate) fn is_dated(&self) -> Result<bool, Failure> {
         let array = self.asarray(None)?;
-        let kind = array
-            .cast::<PyUntypedArray>()
-            .map_or(b'f', |a| a.dtype().kind());
-        Ok(match kind {
-            b'M' | b'm' => true,
-            b'O' => self.holds_dates(&array),
-            _ => false,
+        Ok(holds_dates(&array) || kind(&array) == b'm')
+    }
+
+    /// What numpy makes of it as `datetime64`, which has no zones: UTC. `None`: these are no dates.
+    fn as_dates(&self, array: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        if !holds_dates(array) {
+            return Ok(None);
+        }
+        if kind(array) == b'M' {
+            return Ok(Some(array.clone()));
+        }
+        // A column of pandas with a zone knows its nanoseconds.
+        let of_pandas = self
+            .object
+            .getattr("dtype")
+            .and_then(|dtype| dtype.getattr("kind")?.extract::<String>())
+            .is_ok_and(|kind| kind == "M");
+        if of_pandas {
+            return self.asarray(Some("datetime64[ns]")).map(Some);
+        }
+        without_zones(array).map(Some).map_err(|raised| {
+            Failure::raised(array.py(), raised, |e| self.no_dates(&e.to_string()))
         })
     }
 
-    /// Whether these are Python's or pandas's own dates.
-    fn holds_dates(&self, array: &Bound<'py, PyAny>) -> bool {
-        let first = || -> PyResult<bool> {
-            let date = array.py().import("datetime")?.getattr("datetime")?;
-            array.getattr("flat")?.get_item(0)?.is_instance(&date)
-        };
-        first().unwrap_or(false)
+    #[cold]
+    fn no_dates(&self, why: &str) -> Failure {
+        Failure::new(
+            "not_numbers",
+            format!("{}: cannot be read as times: {why}", self.name),
+            "give seconds, or datetime64[ns]",
+        )
+        .about(&self.name, self.type_name(), "seconds, or datetime64[ns]")
     }
 
     /// Seconds that a stamp can hold.
@@ -158,25 +160,68 @@ impl<'py> Argument<'py> {
                 .call_method1("astype", (unit,))?
                 .call_method1("astype", ("int64",))
         };
-        let failed = |e: String| {
-            Failure::new(
-                "not_numbers",
-                format!("{}: cannot be read as times: {e}", self.name),
-                "give seconds, or datetime64[ns]",
-            )
-            .about(&self.name, self.type_name(), "seconds, or datetime64[ns]")
-        };
         let nanos = nanos().map_err(|raised: PyErr| {
-            Failure::raised(array.py(), raised, |e| failed(e.to_string()))
+            Failure::raised(array.py(), raised, |e| self.no_dates(&e.to_string()))
         })?;
         let nanos = nanos
             .cast::<PyArray1<i64>>()
             .map_err(|_| self.wrong(&shape_of(array), "(n,)"))?
             .readonly();
-        let nanos = nanos.as_slice().map_err(|e| failed(e.to_string()))?;
+        let nanos = nanos
+            .as_slice()
+            .map_err(|e| self.no_dates(&e.to_string()))?;
         Ok(nanos
             .iter()
             .map(|&t| (t != i64::MIN).then_some(Time(t)))
             .collect())
     }
+}
+
+/// The letter that numpy has for the kind of elements.
+fn kind(array: &Bound<'_, PyAny>) -> u8 {
+    array
+        .cast::<PyUntypedArray>()
+        .map_or(b'f', |a| a.dtype().kind())
+}
+
+/// Whether these are `datetime64`, or Python's or pandas's own dates: those with a zone, and lists, come as objects.
+fn holds_dates(array: &Bound<'_, PyAny>) -> bool {
+    let first = || -> PyResult<bool> {
+        let date = array.py().import("datetime")?.getattr("datetime")?;
+        array.getattr("flat")?.get_item(0)?.is_instance(&date)
+    };
+    match kind(array) {
+        b'M' => true,
+        b'O' => first().unwrap_or(false),
+        _ => false,
+    }
+}
+
+/// Dates as objects → `datetime64[ns]` in UTC. numpy itself warns of every zone, and leaves out the nanoseconds of pandas.
+fn without_zones<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let py = array.py();
+    let utc = py.import("datetime")?.getattr("timezone")?.getattr("utc")?;
+    let no_zone = PyDict::new(py);
+    no_zone.set_item("tzinfo", py.None())?;
+    let dates = PyList::empty(py);
+    for date in array.getattr("flat")?.try_iter()? {
+        let date = date?;
+        let has_zone = |date: &Bound<'py, PyAny>| -> PyResult<bool> {
+            Ok(date
+                .getattr_opt("tzinfo")?
+                .is_some_and(|zone| !zone.is_none()))
+        };
+        dates.append(match date.getattr_opt("to_datetime64")? {
+            Some(exact) => exact.call0()?,
+            None if has_zone(&date)? => date.call_method1("astimezone", (&utc,))?.call_method(
+                "replace",
+                (),
+                Some(&no_zone),
+            )?,
+            None => date,
+        })?;
+    }
+    py.import("numpy")?
+        .call_method1("array", (dates, "datetime64[ns]"))?
+        .call_method1("reshape", (array.getattr("shape")?,))
 }

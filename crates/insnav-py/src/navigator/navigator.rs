@@ -43,7 +43,8 @@ pub(super) type Any<'py> = Bound<'py, PyAny>;
 /// start : mapping, optional
 ///     A state that is known (see :class:`Start`), with its ``time_s``, in place of a start found in the data.
 /// t0_ns : int, default 0
-///     Instant from which all seconds count, ns: with that of a log, stamps of today are exact. ``datetime64`` are instants already.
+///     Instant from which all seconds count, ns: with that of a log, stamps of today are exact. Dates (``datetime64``, those of pandas
+///     and Python's own) are instants already.
 /// keep : bool, default True
 ///     Keep epochs (at ``output.rate_hz``), measurements and events until they are taken; else the newest epoch alone.
 ///

@@ -31,7 +31,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Stamp on the unit's clock.
     /// angular_rate_b_rad_per_s : (3,)
     ///     Angular rate against inertial space, forward-right-down (turned by ``imu.mounting_rpy_deg``).
@@ -69,7 +69,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     End of the interval, on the unit's clock.
     /// angle_b_rad, velocity_b_m_per_s : (3,)
     ///     What was gained since the sample before.
@@ -100,7 +100,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Stamp on the GNSS clock.
     /// latitude_deg_longitude_deg_height_m : (3,)
     ///     Of the antenna, height above the ellipsoid.
@@ -129,7 +129,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Stamp on the GNSS clock.
     /// velocity_n_m_per_s : (3,)
     ///     Of the antenna over ground, north-east-down; down NaN: horizontal only.
@@ -155,7 +155,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Its instant.
     /// heading_deg, sigma_deg : float
     ///     Clockwise from true north, and its standard deviation.
@@ -179,7 +179,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Its instant.
     /// standing : bool
     ///     Whether it stands.
@@ -198,7 +198,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Its instant.
     /// speed_m_per_s : float
     ///     The speed.
@@ -215,7 +215,7 @@ impl Navigator {
     ///
     /// Parameters
     /// ----------
-    /// time_s : float or numpy.datetime64
+    /// time_s : float, numpy.datetime64 or datetime.datetime
     ///     Stamp on the unit's clock.
     /// field_b_tesla : (3,)
     ///     The field, forward-right-down (turned by ``imu.mounting_rpy_deg``), T.
