@@ -165,13 +165,95 @@ def test_ctrl_c_ends_it(work: str, tmp_path: Path) -> None:
     print(work, lines)
 
 
+# The signal comes so long after the file was begun; what lay in the folder at that instant is told.
+BEGUN = PRELUDE + """
+there = []
+def interrupt(after):
+    while not any(folder.iterdir()):
+        time.sleep(0.001)
+    time.sleep(after)
+    there.append(any(folder.iterdir()))
+    there.append(time.perf_counter())
+    os.kill(os.getpid(), signal.SIGINT)
+
+for after in map(float, sys.argv[3:]):
+    threading.Thread(target=interrupt, args=(after,), daemon=True).start()
+    try:
+        work()
+    except KeyboardInterrupt:
+        sent, begun = there.pop(), there.pop()
+        print(begun, time.perf_counter() - sent, sorted(p.name for p in folder.iterdir()))
+"""
+
+
 def test_a_file_is_given_up_while_the_run_does_not_listen(tmp_path: Path) -> None:
     """An hour at rest looks for its heading once, for a quarter of a second, when the file has been begun."""
-    for after in np.arange(0.25, 0.70, 0.03):
-        first, alive = python(INTERRUPTED, "run_to_file", tmp_path, after)
-        verdict, latency, *left = first.split(maxsplit=2)
-        assert (verdict, left, alive) == ("interrupted", ["[]"], "True"), first
-        assert float(latency) < BAR_S, first
+    instants = np.arange(0.0, 0.40, 0.04)
+    lines = python(BEGUN, "run_to_file", tmp_path, *instants)
+    assert len(lines) == len(instants), lines
+    for line in lines:
+        begun, latency, *left = line.split(maxsplit=2)
+        # It was there when the signal came: else nothing was given up.
+        assert begun == "True", lines
+        assert left == ["[]"], lines
+        assert float(latency) < BAR_S, lines
+
+
+def test_no_file_is_begun_after_an_interruption(tmp_path: Path) -> None:
+    """A drive is simulated before its file is begun, and nobody would remove a file any more. A folder tells when it was last changed."""
+    script = """
+class Drive:
+    scenario, seed = insnav.sim.Scenario.car_drive(4000.0), 1
+begin = time.perf_counter()
+Drive.scenario.simulate(1)
+lasts = time.perf_counter() - begin
+def changed():
+    return folder.stat().st_mtime_ns
+def interrupt():
+    time.sleep(lasts / 5)
+    os.kill(os.getpid(), signal.SIGINT)
+before = changed()
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    insnav.write_mcap(folder / "drive.mcap", Drive())
+except KeyboardInterrupt:
+    time.sleep(3 * lasts)
+    print("interrupted", changed() == before)
+# The control: a file that comes and goes.
+(folder / "drive.mcap").touch()
+(folder / "drive.mcap").unlink()
+print(changed() == before)
+"""
+    assert python(PRELUDE + script, "run", tmp_path) == ["interrupted True", "False"]
+
+
+def test_standard_output_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
+    """Half of the run goes into a pipe that is full: standard output cannot be taken back, and nobody waits for that."""
+    script = PRELUDE + """
+def interrupt():
+    time.sleep(float(sys.argv[3]))
+    sent.append(time.perf_counter())
+    os.kill(os.getpid(), signal.SIGINT)
+sent = []
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    insnav.run(arrays, {"output": {"rate_hz": 200.0}}, output="-", time_offset_s=0.0)
+except KeyboardInterrupt:
+    print(time.perf_counter() - sent[0], file=sys.stderr, flush=True)
+os._exit(0)
+"""
+    with subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", script, "run", str(tmp_path), "3.0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        try:
+            process.wait(30)
+            latency = process.stderr.read()
+            # The control: it had begun to write.
+            begun = os.read(process.stdout.fileno(), 8)
+        finally:
+            process.kill()
+    assert begun == b"\x89MCAP0\r\n" and float(latency) < BAR_S
 
 
 def test_sums_are_as_before_an_interrupted_run(tmp_path: Path) -> None:

@@ -43,8 +43,12 @@ pub fn abandon_outputs_of(thread: ThreadId) -> usize {
     let mut writers = unfinished();
     let mut count = 0;
     for (path, writer) in writers.iter_mut() {
-        // Where an open file cannot be removed, it stays with its writer.
-        if writer.thread == thread && !writer.abandoned && fs::remove_file(path).is_ok() {
+        // Where an open file cannot be removed, it stays with its writer; one that somebody else has removed is gone.
+        let removed = || match fs::remove_file(path) {
+            Ok(()) => true,
+            Err(e) => e.kind() == io::ErrorKind::NotFound,
+        };
+        if writer.thread == thread && !writer.abandoned && removed() {
             writer.abandoned = true;
             count += 1;
         }
@@ -320,6 +324,20 @@ mod tests {
         own.commit().unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"own");
         assert_eq!(names(), 1);
+    }
+
+    /// One who gives up waits for it to be gone, and so it is.
+    #[test]
+    fn an_output_that_somebody_else_has_removed_is_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.txt");
+        let file = OutputFile::create(&target, true).unwrap();
+        let own = thread::current().id();
+        fs::remove_file(file.temporary.as_ref().unwrap()).unwrap();
+        assert_eq!(abandon_outputs_of(own), 1);
+        assert_eq!(abandon_outputs_of(own), 0);
+        assert_eq!(file.commit().unwrap_err().code(), "output_not_writable");
+        assert!(!target.exists());
     }
 
     #[test]

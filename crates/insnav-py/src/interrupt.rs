@@ -4,10 +4,11 @@
 //! function of what it owns goes to a thread of its own ([`interruptible`]), while the caller waits with the interpreter released and looks
 //! for signals. Loops over an object that is somebody else's look for themselves ([`Signals`]).
 
-use insnav_log::{RunError, abandon_outputs_of};
+use insnav_log::{RunError, abandon_outputs_of, is_standard_stream};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -51,9 +52,20 @@ impl Stop {
         }
     }
 
-    /// From now on the thread of the work may write a file: one who gives up the work gives up the file too.
-    pub(crate) fn writes(&self) {
-        self.writing.store(true, Ordering::SeqCst);
+    /// Before a file is begun: from now on one who gives up the work gives up what its thread writes too. Standard output cannot be taken
+    /// back, so that nobody waits for it.
+    ///
+    /// # Errors
+    /// Nobody waits any more, and nobody would remove the file: it must not be begun.
+    pub(crate) fn writes(&self, target: &Path) -> Result<(), RunError> {
+        if !is_standard_stream(target) {
+            self.writing.store(true, Ordering::SeqCst);
+        }
+        // The one who waits sets `asked` before it reads `writing`: one of the two sees the other.
+        if self.asked.load(Ordering::SeqCst) {
+            return Err(RunError::Interrupted);
+        }
+        Ok(())
     }
 }
 
@@ -90,11 +102,15 @@ pub(crate) fn interruptible<T: Send + 'static>(
         if let Err(raised) = py.check_signals() {
             stop.asked.store(true, Ordering::SeqCst);
             let (_, mut result) = wait(py, result, GRACE);
-            // Nothing half-written is left behind, were the process to end now.
-            while stop.writing.load(Ordering::SeqCst) && abandon_outputs_of(thread) == 0 {
+            // Nothing half-written is left behind, were the process to end now. Others may hold what gives up a file while they open theirs.
+            while stop.writing.load(Ordering::SeqCst)
+                && py.detach(|| abandon_outputs_of(thread)) == 0
+            {
                 let (answer, back) = wait(py, result, TICK);
                 result = back;
-                if !matches!(answer, Err(RecvTimeoutError::Timeout)) {
+                // A second signal does not wait for a disk that does not answer.
+                if !matches!(answer, Err(RecvTimeoutError::Timeout)) || py.check_signals().is_err()
+                {
                     break;
                 }
             }

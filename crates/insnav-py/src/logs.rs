@@ -199,7 +199,7 @@ pub(crate) fn write_mcap(path: PathBuf, data: &Bound<'_, PyAny>, overwrite: bool
     if let Ok(mapping) = data.cast::<PyMapping>() {
         let arrays = inputs::arrays(mapping, &Config::default())?;
         let write = move |stop: &Stop| -> Result<(), Failure> {
-            stop.writes();
+            stop.writes(&path)?;
             let options = LogWriterOptions {
                 force: overwrite,
                 // Of dates, seconds count from the first sample.
@@ -225,7 +225,7 @@ pub(crate) fn write_mcap(path: PathBuf, data: &Bound<'_, PyAny>, overwrite: bool
         let write = move |stop: &Stop| -> Result<(), Failure> {
             let file = scenario.get().file();
             let simulation = file.simulate(seed)?;
-            stop.writes();
+            stop.writes(&path)?;
             write_simulated(&path, &simulation, &file.scenario.gnss, overwrite, |_| {
                 stop.check().map_err(Failure::from)
             })

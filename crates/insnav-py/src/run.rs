@@ -229,10 +229,10 @@ impl Job {
         for (key, value) in metadata {
             options.metadata.insert((*key).to_owned(), value.clone());
         }
-        if self.output.is_some() {
-            stop.writes();
-        }
         source.proceed()?;
+        if let Some(output) = &self.output {
+            stop.writes(output)?;
+        }
         let mut sink = FileAndMemory::new(
             self.output.as_deref(),
             options,
