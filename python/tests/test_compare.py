@@ -139,10 +139,18 @@ def test_a_solution_in_memory_knows_what_was_withheld(drive: Simulation, tmp_pat
     assert outage.summary["withhold"] == "80:90"
     by_file, by_columns = insnav.compare(path, drive.truth).summary, insnav.compare(outage, drive.truth).summary
     assert by_columns["withheld"] == by_file["withheld"] and by_columns["withheld"]["count"] > 50
-    # Which of single fixes were withheld is told by the file alone.
-    singly = insnav.run(drive.arrays, CONFIG, start=drive.start, withhold="every:3")
+    # Single fixes, likewise: those that went through the file, a dataset or a pickle, and those that did not.
+    path = tmp_path / "singly.mcap"
+    singly = insnav.run(drive.arrays, CONFIG, start=drive.start, withhold="every:3", output=path)
+    assert len(singly.withheld) == singly.summary["withheld"] > 40
+    said = insnav.compare(path, drive.truth).summary["withheld"]
+    assert said["count"] > 40
+    for kept in (singly, insnav.read_solution(path), pickle.loads(pickle.dumps(singly)), insnav.Solution.from_xarray(singly.to_xarray())):
+        assert insnav.compare(kept, drive.truth).summary["withheld"] == said
+    # A data frame has no place for them, which is told.
+    frame = insnav.Solution.from_pandas(singly.to_pandas(), summary=singly.summary)
     with pytest.warns(insnav.InsnavWarning, match="every:3"):
-        assert insnav.compare(singly, drive.truth).summary["withheld"]["count"] == 0
+        assert insnav.compare(frame, drive.truth).summary["withheld"]["count"] == 0
     assert "withhold" not in insnav.run(drive.arrays, CONFIG, start=drive.start).summary
 
 

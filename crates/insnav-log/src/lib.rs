@@ -89,7 +89,9 @@ pub use scenario_file::{SCENARIO_EXAMPLE, ScenarioFile};
 pub use simulated::{simulated_truth, write_simulated};
 pub use sink::{McapSink, SinkOptions, SinkState, SinkSummary, StateSink};
 pub use sink::{OrientationEpoch, OrientationSink, OrientationSinkOptions};
-pub use solution::{SolutionTable, UpdateRow, read_solution_states, read_solution_updates};
+pub use solution::{
+    SolutionTable, UpdateRow, read_solution_states, read_solution_updates, read_solution_withheld,
+};
 pub use stats::{ClockDrift, ClockStep, Spread, TopicStatistics};
 pub use topic_map::{Expression, MapClock, MapGnssAxes, MapImuAxes, TopicMap};
 pub use topics::{Choice, Role, Selection, TopicInfo};

@@ -179,7 +179,6 @@ impl SolutionTable {
     }
 
     fn from_mcap(log: &Log) -> Result<Self, LogError> {
-        let topic = |name: &str| topic(log, name);
         let mut table = SolutionTable {
             has_velocity: true,
             has_attitude: true,
@@ -188,17 +187,7 @@ impl SolutionTable {
         };
         read_solution_states(log, |row| table.push(row))?;
         table.updates = read_solution_updates(log)?;
-        if let Some(withheld) = topic("/insnav/withheld") {
-            let mut messages = log.messages(&[withheld]);
-            while let Some(message) = messages.next() {
-                let message = message?;
-                let fix = NavSatFix::decode(message.data)
-                    .map_err(|e| log.undecodable(withheld, &message, e))?;
-                table
-                    .withheld
-                    .extend(gnss_position(&Fix::from(&fix), fix.header.stamp, 0.0));
-            }
-        }
+        table.withheld = read_solution_withheld(log)?;
         table.metadata = log.metadata(METADATA_NAME).cloned().unwrap_or_default();
         Ok(table)
     }
@@ -484,6 +473,22 @@ pub fn read_solution_updates(log: &Log) -> Result<Vec<UpdateRow>, LogError> {
         rows.push(UpdateRow::new(&update));
     }
     Ok(rows)
+}
+
+/// Fixes that were withheld from the run that wrote a log; none if it has no such topic.
+pub fn read_solution_withheld(log: &Log) -> Result<Vec<GnssPosition>, LogError> {
+    let mut fixes = Vec::new();
+    let Some(withheld) = topic(log, "/insnav/withheld") else {
+        return Ok(fixes);
+    };
+    let mut messages = log.messages(&[withheld]);
+    while let Some(message) = messages.next() {
+        let message = message?;
+        let fix =
+            NavSatFix::decode(message.data).map_err(|e| log.undecodable(withheld, &message, e))?;
+        fixes.extend(gnss_position(&Fix::from(&fix), fix.header.stamp, 0.0));
+    }
+    Ok(fixes)
 }
 
 /// The first topic of this name that can be read.

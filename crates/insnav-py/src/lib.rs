@@ -34,6 +34,7 @@ mod sinks;
 mod solution;
 mod stationary;
 mod updates;
+mod withheld;
 
 use pyo3::prelude::*;
 

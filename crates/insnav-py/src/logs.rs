@@ -13,7 +13,7 @@ use insnav_core::config::Config;
 use insnav_core::time::Time;
 use insnav_log::{
     Log, LogWriter, LogWriterOptions, METADATA_NAME, ReadOptions, Role, read_solution_states,
-    read_solution_updates, write_simulated,
+    read_solution_updates, read_solution_withheld, write_simulated,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -124,7 +124,7 @@ fn metadata(log: &Log) -> BTreeMap<String, String> {
 /// -------
 /// Solution
 ///     The columns and updates of the run, to the last bit. Its ``summary`` has what the file says of the run: ``config``, the settings as
-///     used, and ``metadata``; the report of the run is not in the file.
+///     used, ``withhold``, and ``metadata``; the report of the run is not in the file.
 ///
 /// Raises
 /// ------
@@ -138,19 +138,22 @@ pub(crate) fn read_solution(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_,
         let mut epochs = EpochColumns::default();
         read_solution_states(&log, |state| epochs.push(state))?;
         let updates = read_solution_updates(&log)?;
+        let withheld = read_solution_withheld(&log)?;
         let t0 = match log.t0()? {
             Some(t0) => t0,
             None => epochs.first().unwrap_or(Time(0)),
         };
-        Ok((metadata(&log), epochs, updates, t0))
+        Ok((metadata(&log), epochs, updates, withheld, t0))
     };
-    let (metadata, epochs, updates, t0) = interruptible(py, read)?.map_err(fail)?;
+    let (metadata, epochs, updates, withheld, t0) = interruptible(py, read)?.map_err(fail)?;
     let summary = PyDict::new(py);
-    if let Some(config) = metadata.get("config") {
-        summary.set_item("config", config)?;
+    for key in ["config", "withhold"] {
+        if let Some(text) = metadata.get(key) {
+            summary.set_item(key, text)?;
+        }
     }
     summary.set_item("metadata", metadata)?;
-    solution(py, epochs, &updates, t0, &summary)
+    solution(py, epochs, &updates, &withheld, t0, &summary)
 }
 
 /// Write arrays or a simulated drive as a log: an MCAP file of ROS 2 messages, for the command and for all that reads such files.

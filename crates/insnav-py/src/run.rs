@@ -9,6 +9,7 @@ use crate::settings;
 use crate::sinks::FileAndMemory;
 use crate::solution::solution;
 use insnav_core::config::Config;
+use insnav_core::sample::GnssPosition;
 use insnav_log::{
     ImuAxes, Log, Plan, ReadOptions, Role, RunOptions, RunReport, Source, Stoppable, TimeSource,
     UpdateRow,
@@ -176,12 +177,12 @@ pub(crate) fn run<'py>(
             log.get_type()
         )));
     };
-    let (plan, epochs, updates, report) = done.map_err(fail)?;
+    let (plan, epochs, updates, withheld, report) = done.map_err(fail)?;
     for warning in &report.warnings {
         warn(py, warning)?;
     }
     let summary = dictionary(py, serde_json::to_string(&report))?;
-    solution(py, epochs, &updates, plan.origin, &summary)
+    solution(py, epochs, &updates, &withheld, plan.origin, &summary)
 }
 
 /// A recording is not written over by its own solution, whatever `overwrite` says.
@@ -207,6 +208,15 @@ fn not_the_input(input: &Path, output: Option<&Path>) -> Result<(), Failure> {
     ))
 }
 
+/// How it was done, and what came of it: epochs, measurements, withheld fixes and the report.
+type Done = (
+    Plan,
+    EpochColumns,
+    Vec<UpdateRow>,
+    Vec<GnssPosition>,
+    RunReport,
+);
+
 /// What is to be done with any source.
 struct Job {
     config: Config,
@@ -221,7 +231,7 @@ impl Job {
         source: &impl Source,
         metadata: &[(&str, String)],
         stop: &Stop,
-    ) -> Result<(Plan, EpochColumns, Vec<UpdateRow>, RunReport), Failure> {
+    ) -> Result<Done, Failure> {
         let source = &Stoppable::new(source, stop.asked());
         let plan = Plan::make(source, &self.config, &self.options)?;
         let mut options = plan.sink_options();
@@ -242,8 +252,8 @@ impl Job {
         let report = plan.execute(source, &mut sink)?;
         source.proceed()?;
         sink.finish_file()?;
-        let (epochs, updates) = sink.into_solution();
-        Ok((plan, epochs, updates, report))
+        let (epochs, updates, withheld) = sink.into_solution();
+        Ok((plan, epochs, updates, withheld, report))
     }
 }
 

@@ -15,6 +15,7 @@ pub(crate) struct FileAndMemory<'a> {
     file: Option<McapSink>,
     memory: StateSink<EpochColumns>,
     updates: Vec<UpdateRow>,
+    withheld: Vec<GnssPosition>,
 }
 
 impl<'a> FileAndMemory<'a> {
@@ -32,6 +33,7 @@ impl<'a> FileAndMemory<'a> {
             file,
             memory,
             updates: Vec::new(),
+            withheld: Vec::new(),
         })
     }
 
@@ -42,9 +44,9 @@ impl<'a> FileAndMemory<'a> {
             .map_or(Ok(()), |file| file.finish().map(drop))
     }
 
-    /// Epochs and measurements, in the order in which they came.
-    pub(crate) fn into_solution(self) -> (EpochColumns, Vec<UpdateRow>) {
-        (self.memory.into_kept(), self.updates)
+    /// Epochs, measurements and withheld fixes, in the order in which they came.
+    pub(crate) fn into_solution(self) -> (EpochColumns, Vec<UpdateRow>, Vec<GnssPosition>) {
+        (self.memory.into_kept(), self.updates, self.withheld)
     }
 }
 
@@ -86,6 +88,7 @@ impl SolutionSink for FileAndMemory<'_> {
         if let Some(file) = &mut self.file {
             file.withheld(fix);
         }
+        self.withheld.push(*fix);
     }
 
     fn failure(&mut self) -> Option<RunError> {

@@ -77,7 +77,7 @@ from insnav._errors import (
 from insnav._insnav import AttitudeFilter, Eskf, Navigator, Orientation, __version__, ahrs, compare, read_mcap, read_solution, run, write_mcap
 from insnav._navigator import Event
 from insnav._recording import Recording
-from insnav._solution import Epoch, Solution, Stops, Updates
+from insnav._solution import Epoch, Solution, Stops, Updates, Withheld
 
 if TYPE_CHECKING:
     from insnav import align, attitude, batch, earth, filter, mechanization, noise, sim, stationary
@@ -106,6 +106,7 @@ __all__ = [
     "Start",
     "Stops",
     "Updates",
+    "Withheld",
     "__version__",
     "ahrs",
     "align",

@@ -158,7 +158,7 @@ def solution_of(
     columns: Mapping[str, NDArray[Any]], updates: Mapping[str, NDArray[Any]] | None, summary: Mapping[str, Any] | None
 ) -> Solution:
     """The inverse of :func:`flat` and :func:`flat_updates`."""
-    from insnav._solution import Solution, Updates
+    from insnav._solution import Solution, Updates, Withheld
 
     wanted = [*(name for column in COLUMNS for name in column.flat), "t0_ns"]
     missing = [name for name in wanted if name not in columns]
@@ -193,6 +193,7 @@ def solution_of(
             verdict=number("verdict", np.str_),
         ),
         summary=dict(summary or {}),
+        withheld=Withheld(),
     )
 
 
@@ -265,6 +266,10 @@ def to_xarray(solution: Solution, time: TimeIndex) -> xarray.Dataset:
         values = getattr(updates, field.name)
         data[f"update_{field.name}"] = (("update", "component")[: values.ndim], values, {})
     data["update_time_s"][2]["units"] = "s"
+    for field in fields(solution.withheld):
+        values = getattr(solution.withheld, field.name)
+        data[f"withheld_{field.name}"] = (("fix", "ned")[: values.ndim], values, {})
+    data["withheld_time_s"][2]["units"] = "s"
     axes = {name: list(labels) for name, labels in AXES.items()}
     dataset: xarray.Dataset = needs("xarray").Dataset(
         data,
@@ -276,7 +281,7 @@ def to_xarray(solution: Solution, time: TimeIndex) -> xarray.Dataset:
 
 def from_xarray(dataset: xarray.Dataset) -> Solution:
     """See `Solution.from_xarray`."""
-    from insnav._solution import Solution, Updates
+    from insnav._solution import Solution, Updates, Withheld
 
     missing = [column.name for column in COLUMNS if column.name not in dataset]
     if missing:
@@ -302,12 +307,18 @@ def from_xarray(dataset: xarray.Dataset) -> Solution:
         else:
             shape = (0, 3) if field.name in ("residual", "sigma") else (0,)
             updates[field.name] = np.empty(shape, dtype=types.get(field.name, np.float64))
+    withheld = {
+        field.name: array(f"withheld_{field.name}", ("fix", "ned")[: dataset[f"withheld_{field.name}"].ndim])
+        for field in fields(Withheld)
+        if f"withheld_{field.name}" in dataset
+    }
     values = {column.name: array(column.name, ("time", *column.dims)) for column in COLUMNS}
     return Solution(
         **values,
         t0_ns=int(dataset.attrs["t0_ns"]),
         updates=Updates(**updates),
         summary=json.loads(dataset.attrs.get("summary", "{}")),
+        withheld=Withheld(**withheld),
     )
 
 

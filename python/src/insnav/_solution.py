@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,6 +70,40 @@ class Updates:
         names, counts = np.unique(self.measurement, return_counts=True)
         told = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True))
         return f"<insnav.Updates: {told or 'none'}>"
+
+
+def _none(*shape: int, dtype: Any = np.float64) -> Any:
+    return field(default_factory=lambda: np.empty(shape, dtype=dtype))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Withheld:
+    """Fixes that ``withhold`` kept from the filter: one row a position, of the antenna.
+
+    Attributes
+    ----------
+    time_s : (w,)
+        Instants, on the scale of the solution's ``time_s``, s.
+    time_ns : (w,) of int64
+        The same on the clock of the GNSS positions, ns, exact.
+    latitude_deg, longitude_deg, height_m : (w,)
+        Position (WGS-84, above the ellipsoid).
+    sigma_position_n_m : (w, 3)
+        Standard deviation as the receiver states it, north-east-down, m; NaN where it states none.
+    """
+
+    time_s: Floats = _none(0)
+    time_ns: NDArray[np.int64] = _none(0, dtype=np.int64)
+    latitude_deg: Floats = _none(0)
+    longitude_deg: Floats = _none(0)
+    height_m: Floats = _none(0)
+    sigma_position_n_m: Floats = _none(0, 3)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __repr__(self) -> str:
+        return f"<insnav.Withheld: {len(self)} fixes>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -206,6 +240,8 @@ class Solution:
     summary : dict
         What the run has to tell, with the keys of ``insnav run --format json``: start, stops, what became of measurements, the last
         epoch, warnings, the settings as used.
+    withheld : Withheld
+        Fixes that ``withhold`` kept from the filter; data frames have none of them.
     """
 
     time_s: Floats
@@ -235,6 +271,7 @@ class Solution:
     t0_ns: int
     updates: Updates
     summary: dict[str, Any]
+    withheld: Withheld = field(default_factory=Withheld)
 
     def __len__(self) -> int:
         return len(self.time_s)

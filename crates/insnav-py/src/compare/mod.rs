@@ -128,17 +128,23 @@ pub(crate) fn compare<'py>(
                 .map_err(|e| fail(e.into()))?
         }
         Given::Columns(columns) => {
+            let mut is = columns.solution()?;
             if let Some(rule) = columns.withheld_singly()?.filter(|_| withheld.is_none()) {
-                let warning = Warning {
-                    code: "withheld_unknown",
-                    message: format!(
-                        "the fixes withheld by {rule} are not judged apart: a solution in memory does not keep them"
-                    ),
-                    remedy: "compare the file that `run(..., output=...)` writes".into(),
-                };
-                warn(py, &warning)?;
+                match columns.withheld_fixes()? {
+                    Some(fixes) => is.withheld = fixes,
+                    None => warn(
+                        py,
+                        &Warning {
+                            code: "withheld_unknown",
+                            message: format!(
+                                "the fixes withheld by {rule} are not judged apart: they are not with these columns"
+                            ),
+                            remedy: "compare the solution that `run` returned, or the file that `run(..., output=...)` writes".into(),
+                        },
+                    )?,
+                }
             }
-            columns.solution()?
+            is
         }
     };
     if let Some(rule) = &withheld {

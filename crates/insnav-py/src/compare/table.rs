@@ -2,9 +2,10 @@
 
 use crate::arrays::Argument;
 use crate::failure::{Failure, fail};
+use crate::withheld::judged_apart;
 use insnav_core::attitude::{Euler, wrap_angle};
 use insnav_core::earth::Geodetic;
-use insnav_core::metrics::{AttitudeReference, ReferencePoint};
+use insnav_core::metrics::{AttitudeReference, ReferencePoint, Withheld};
 use insnav_core::time::Time;
 use insnav_log::{ComparedReference, ComparedSolution, METADATA_T0, SolutionTable, Withhold};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -293,11 +294,21 @@ impl<'py> Table<'py> {
         }
     }
 
-    /// Fixes that were withheld one in so many, as the run was told: which, is not in the columns.
+    /// Fixes that were withheld one in so many, as the run was told.
     pub(super) fn withheld_singly(&self) -> PyResult<Option<String>> {
         Ok(self
             .told("withhold")?
             .filter(|rule| matches!(rule.parse(), Ok(Withhold::Every(_)))))
+    }
+
+    /// Which they were, where the solution has kept them.
+    pub(super) fn withheld_fixes(&self) -> PyResult<Option<Withheld>> {
+        match self.item("withheld")? {
+            Some(fixes) if fixes.hasattr("time_ns")? && fixes.len()? > 0 => {
+                judged_apart(&fixes).map(Some)
+            }
+            _ => Ok(None),
+        }
     }
 
     pub(super) fn reference(

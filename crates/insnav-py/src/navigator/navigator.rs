@@ -301,7 +301,14 @@ impl Navigator {
         let Some(state) = self.pending.newest() else {
             return Ok(None);
         };
-        let one = solution(py, columns_of([*state]), &[], self.zero, &PyDict::new(py))?;
+        let one = solution(
+            py,
+            columns_of([*state]),
+            &[],
+            &[],
+            self.zero,
+            &PyDict::new(py),
+        )?;
         let at = state.header.stamp.since(self.zero);
         one.call_method1("epoch", (at,)).map(Some)
     }
@@ -346,7 +353,7 @@ impl Navigator {
         let (states, updates) = self.pending.take();
         let summary = PyDict::new(py);
         summary.set_item("config", config_text(&self.config))?;
-        solution(py, columns_of(states), &updates, self.zero, &summary)
+        solution(py, columns_of(states), &updates, &[], self.zero, &summary)
     }
 
     /// Take the events since the last time: start, stops, gaps, samples that were not used.
