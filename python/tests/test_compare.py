@@ -229,6 +229,60 @@ def test_mistakes_are_named(drive: Simulation, solution: insnav.Solution, tmp_pa
         insnav.compare(solution, 3)  # type: ignore[arg-type]
 
 
+def test_columns_of_the_package_are_all_known(drive: Simulation, solution: insnav.Solution) -> None:
+    """Whatever this package gives out is taken, in every form, and says the same."""
+    pytest.importorskip("pandas")
+    expected = insnav.compare(solution, drive.truth).summary
+    as_seconds = solution.to_pandas()
+    forms: list[Any] = [dict(vars(solution)), as_seconds, as_seconds.reset_index(), solution.to_pandas("utc"), dict(as_seconds.reset_index())]
+    forms += [solution.to_polars("utc"), solution.to_xarray()]
+    for form in forms:
+        assert insnav.compare(form, drive.truth).summary == expected
+    against = quietly(solution, vars(solution)).summary["all"]
+    for form in forms:
+        assert quietly(solution, form).summary["all"] == against
+    turned = insnav.AttitudeFilter({"imu": {"grade": "automotive"}}).run(*drive.arrays["imu"])
+    assert quietly({**vars(turned)}, {**vars(turned)}).summary["all"]["heading_rms_deg"] < 1e-6
+
+
+def test_unknown_columns_are_named_with_the_nearest(drive: Simulation, solution: insnav.Solution) -> None:
+    t = drive.truth
+    places = {"time_s": t.time_s, "latitude_deg": t.latitude_deg, "longitude_deg": t.longitude_deg, "height_m": t.height_m}
+    for wrong, meant in {"lat_deg": "latitude_deg", "lon_deg": "longitude_deg", "height": "height_m", "roll": "roll_deg"}.items():
+        columns = {**places, wrong: t.latitude_deg}
+        for arguments in ((columns, t), (solution, columns)):
+            with pytest.raises(insnav.ArgumentError, match=f"unknown column `{wrong}`.*did you mean `{meant}`") as e:
+                insnav.compare(*arguments)
+            assert e.value.code == "unknown_column" and e.value.received == wrong
+    with pytest.raises(insnav.ArgumentError, match="unknown column `speed_of_light`"):
+        insnav.compare(solution, {**places, "speed_of_light": t.height_m})
+    # The negative control: the same columns under their names.
+    assert insnav.compare(solution, places).summary["all"]["horizontal_rms_m"] < 10
+
+
+def test_what_cannot_be_compared_is_refused(drive: Simulation, solution: insnav.Solution) -> None:
+    t = drive.truth
+    places = {"time_s": t.time_s, "latitude_deg": t.latitude_deg, "longitude_deg": t.longitude_deg, "height_m": t.height_m}
+    beyond = {**places, "latitude_deg": t.latitude_deg + 90}
+    with pytest.raises(insnav.ArgumentError, match=r'reference\["latitude_deg"\]\[0\]: 1\d\d\.?\d*, expected -90 to 90') as e:
+        insnav.compare(solution, beyond)
+    assert e.value.code == "bad_value"
+    with pytest.raises(insnav.ArgumentError, match="longitude_deg"):
+        insnav.compare(beyond | {"latitude_deg": t.latitude_deg, "longitude_deg": t.longitude_deg + 361}, t)
+    for left_out in ("latitude_deg", "longitude_deg", "height_m"):
+        with pytest.raises(insnav.ArgumentError, match=f"part of a position, without the column `{left_out}`"):
+            insnav.compare(solution, {name: column for name, column in places.items() if name != left_out})
+    nowhere = {**places, "latitude_deg": np.full(len(t), np.nan)}
+    with pytest.raises(insnav.ArgumentError, match="the reference no position, velocity or attitude") as e:
+        insnav.compare(solution, nowhere)
+    assert e.value.code == "nothing_to_compare"
+    with pytest.raises(insnav.ArgumentError, match="the solution has position, the reference attitude"):
+        insnav.compare(places, {"time_s": t.time_s, "heading_deg": t.heading_deg})
+    # Some rows without a position are none.
+    places["latitude_deg"] = np.where(np.arange(len(t)) % 2, t.latitude_deg, np.nan)
+    assert insnav.compare(solution, places).summary["all"]["horizontal_rms_m"] < 10
+
+
 def test_comparisons_are_pickled(drive: Simulation, solution: insnav.Solution) -> None:
     c = insnav.compare(solution, drive.truth)
     again = pickle.loads(pickle.dumps(c))

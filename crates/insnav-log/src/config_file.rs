@@ -417,7 +417,7 @@ impl de::Error for Fault {
 }
 
 /// The known name that is nearest in spelling, unless it is so far that it would be a guess.
-fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
         .map(|known| (distance(name, known), *known))

@@ -51,7 +51,8 @@ pub mod wire;
 
 pub use compared::{ComparedReference, ComparedSolution, JudgeRequest, Judged, judge};
 pub use config_file::{
-    ConfigError, LogSettings, config_text, config_text_with, load_config, parse_config, parse_maps,
+    ConfigError, LogSettings, config_text, config_text_with, load_config, nearest, parse_config,
+    parse_maps,
 };
 pub use container::{Checksums, Loss, McapRecord, Message, Recovery};
 pub use error::LogError;

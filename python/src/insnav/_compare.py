@@ -2,13 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insnav._attitude import AttitudeEpoch
+from insnav._frames import COLUMNS, columns_of_frame
+from insnav._sim import Truth
+from insnav._solution import Solution, Updates, Withheld
+
 Floats = NDArray[np.float64]
+
+#: Names that a comparison takes: those of all that this package gives out, whether it compares them or not.
+KNOWN: tuple[str, ...] = tuple(
+    dict.fromkeys(
+        [
+            *(column.name for column in COLUMNS),
+            *(field.name for of in (Truth, Solution, AttitudeEpoch) for field in fields(of)),
+            *(name for column in COLUMNS for name in column.flat),
+            "moving",
+            # The index of a data frame, and what a dataset has besides.
+            "time",
+            *(f"update_{field.name}" for field in fields(Updates)),
+            *(f"withheld_{field.name}" for field in fields(Withheld)),
+        ]
+    )
+)
+
+
+def columns_of(given: Any) -> Mapping[str, Any] | None:
+    """Columns by name, one number each joined to vectors and matrices; None of what has no columns to be counted."""
+    found = columns_of_frame(given)
+    if found is None:
+        return None
+    joined = dict(found)
+    for column in COLUMNS:
+        if column.name not in found and all(name in found for name in column.flat):
+            joined[column.name] = column.join([np.asarray(found[name]) for name in column.flat])
+    t0_ns = joined.get("t0_ns")
+    if t0_ns is not None and np.ndim(t0_ns) == 1:
+        # A data frame has it in every row.
+        joined["t0_ns"] = int(np.asarray(t0_ns)[0]) if len(t0_ns) else 0
+    return joined
 
 
 @dataclass(frozen=True, eq=False)

@@ -228,6 +228,26 @@ def from_pandas(frame: pandas.DataFrame, updates: pandas.DataFrame | None, summa
     return solution_of(arrays(frame), None if updates is None else arrays(updates), summary)
 
 
+def columns_of_frame(given: Any) -> Mapping[str, Any] | None:
+    """Columns of a mapping, a data frame or a dataset by their names; None of anything else."""
+    if isinstance(given, Mapping):
+        found = {str(name): given[name] for name in given}
+        # A dataset has in its attributes what is one for all rows.
+        attributes = getattr(given, "attrs", {})
+        if "t0_ns" in attributes:
+            found.setdefault("t0_ns", int(attributes["t0_ns"]))
+            found.setdefault("summary", json.loads(attributes.get("summary", "{}")))
+        return found
+    module = type(given).__module__.partition(".")[0]
+    if module not in ("pandas", "polars") or not hasattr(given, "columns"):
+        return None
+    found = {str(name): given[name].to_numpy() for name in given.columns}
+    index = getattr(given, "index", None)
+    if index is not None and index.name is not None:
+        found.setdefault(str(index.name), index.to_numpy())
+    return found
+
+
 def to_polars(solution: Solution, time: TimeIndex) -> polars.DataFrame:
     """See `Solution.to_polars`."""
     _check(time)

@@ -4,6 +4,8 @@ from os import PathLike
 from typing import Any, ClassVar, Final, Literal, TypeAlias, final, overload
 
 import numpy as np
+import pandas
+import polars
 from numpy.typing import ArrayLike, NDArray
 
 from insnav._align import Alignment, HeadingAlignment, StartAlignment
@@ -713,8 +715,8 @@ def identify_noise(
 ) -> dict[str, Any]: ...
 
 def compare(
-    solution: Solution | str | PathLike[str] | Mapping[str, Any],
-    reference: Truth | Solution | str | PathLike[str] | Mapping[str, Any],
+    solution: Solution | str | PathLike[str] | Mapping[str, Any] | pandas.DataFrame | polars.DataFrame,
+    reference: Truth | Solution | str | PathLike[str] | Mapping[str, Any] | pandas.DataFrame | polars.DataFrame,
     *,
     from_s: float | None = None,
     to_s: float | None = None,

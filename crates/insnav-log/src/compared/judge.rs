@@ -3,7 +3,10 @@
 use super::{ComparedReference, ComparedSolution};
 use crate::Problem;
 use crate::run::Warning;
-use insnav_core::metrics::{CompareOptions, Comparison, ErrorInstant, compare, error_series};
+use insnav_core::metrics::{
+    AttitudeReference, CompareOptions, Comparison, ErrorInstant, PointError, compare, error_series,
+};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// What to compare, and under which names to tell of it.
@@ -42,7 +45,7 @@ pub struct Judged {
     pub series: Vec<ErrorInstant>,
 }
 
-/// Compare. Without an instant in common this is a [`Problem`] that tells both extents.
+/// Compare. Without an instant in common, or a quantity, this is a [`Problem`] that tells what both have.
 pub fn judge(
     solution: ComparedSolution,
     reference: ComparedReference,
@@ -106,13 +109,57 @@ pub fn judge(
             "check that both count seconds from the same origin (`convert --t0`), and the part that is asked for",
         ));
     }
+    let series = error_series(&solution.track, &reference.points, &options);
+    if !series.iter().any(|instant| has_an_error(&instant.error)) {
+        let points = solution.track.points();
+        let of_solution = quantities([
+            points.iter().any(|p| p.position.is_some()),
+            points.iter().any(|p| p.velocity_n.is_some()),
+            points.iter().any(|p| p.q_nb.is_some()),
+        ]);
+        let points = &reference.points;
+        let of_reference = quantities([
+            points.iter().any(|p| p.position.is_some()),
+            points.iter().any(|p| p.velocity_n.is_some()),
+            points.iter().any(|p| p.attitude != AttitudeReference::None),
+        ]);
+        return Err(Problem::new(
+            "nothing_to_compare",
+            format!(
+                "nothing that {} has is in {}, at any of the {} instants that they have in common: the solution has {of_solution}, \
+                 the reference {of_reference}",
+                request.solution_name, request.reference_name, comparison.all.count,
+            ),
+            "give the reference a quantity that the solution has: a whole position, a velocity or an attitude",
+        ));
+    }
     let doubts = doubts(&request.solution_name, &comparison);
     Ok(Judged {
         reference_at_antenna: reference.at_antenna,
         warnings: reference.warnings.into_iter().chain(doubts).collect(),
         comparison,
-        series: error_series(&solution.track, &reference.points, &options),
+        series,
     })
+}
+
+/// Whether anything was compared at an instant.
+fn has_an_error(error: &PointError) -> bool {
+    let any = |v: Option<Vector3<f64>>| v.is_some_and(|v| v.iter().any(|x| x.is_finite()));
+    any(error.position_n) || any(error.velocity_n) || any(error.angles) || error.rotation.is_some()
+}
+
+/// Those of position, velocity and attitude that there are.
+fn quantities(has: [bool; 3]) -> String {
+    let names = ["position", "velocity", "attitude"];
+    let there: Vec<&str> = names
+        .into_iter()
+        .zip(has)
+        .filter_map(|(name, has)| has.then_some(name))
+        .collect();
+    match there.is_empty() {
+        true => "no position, velocity or attitude".into(),
+        false => there.join(", "),
+    }
 }
 
 fn extent(what: &str, seconds: impl Iterator<Item = f64>) -> String {

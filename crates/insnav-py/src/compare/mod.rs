@@ -1,7 +1,8 @@
 //! `insnav.compare`: a solution judged by a reference, as the command does it.
 //!
-//! `table` reads what either is.
+//! `table` reads what either is, `known` says which columns there are.
 
+mod known;
 mod table;
 
 use self::table::Given;
@@ -23,15 +24,15 @@ use pyo3::types::PyDict;
 ///
 /// Parameters
 /// ----------
-/// solution : Solution, path or mapping
-///     What :func:`insnav.run` returns; a file that the command reads as a solution (MCAP of ``run`` or ``ahrs``, CSV, TUM); or a mapping of
-///     columns with the names of those of :class:`Solution`: ``time_s`` and any of ``latitude_deg``, ``longitude_deg``, ``height_m``,
+/// solution : Solution, path, mapping or data frame
+///     What :func:`insnav.run` returns; a file that the command reads as a solution (MCAP of ``run`` or ``ahrs``, CSV, TUM); or columns with
+///     the names of those of :class:`Solution`: ``time_s`` and any of a position (``latitude_deg``, ``longitude_deg`` and ``height_m``),
 ///     ``velocity_n_m_per_s``, ``quaternion_nb_wxyz`` (or ``roll_deg``, ``pitch_deg``, ``heading_deg``), ``rate_b_deg_per_s``, ``standing``,
-///     ``standing_s``, covariances, and ``t0_ns``.
-/// reference : insnav.sim.Truth, Solution, path or mapping
-///     A truth, another solution, a file that the command reads as a reference (CSV, RTKLIB, NMEA, TUM, MCAP), or a mapping of columns with
-///     the same names, and ``sigma_position_n_m``, ``sigma_velocity_n_m_per_s``. NaN where there is nothing to compare with. Seconds count
-///     from the solution's zero, ``t0_ns``; ``datetime64`` is absolute.
+///     ``standing_s``, covariances or ``sigma_…``, and ``t0_ns``. Columns may be one number each, as :meth:`Solution.to_pandas` names them.
+/// reference : insnav.sim.Truth, Solution, path, mapping or data frame
+///     A truth, another solution, a file that the command reads as a reference (CSV, RTKLIB, NMEA, TUM, MCAP), or columns with
+///     the same names, and ``sigma_position_n_m``, ``sigma_velocity_n_m_per_s``, ``moving``. NaN where there is nothing to compare with.
+///     Seconds count from the solution's zero, ``t0_ns``; ``datetime64`` is absolute.
 /// from_s, to_s : float, optional
 ///     Leave out what is before or after, s from the solution's zero.
 /// reference_clock : {"gnss", "imu"}
@@ -56,7 +57,8 @@ use pyo3::types::PyDict;
 /// Raises
 /// ------
 /// ArgumentError
-///     A column of the wrong shape; solution and reference without an instant in common.
+///     A column of the wrong shape, or of a name that no class of this package has (other columns of these classes are left out);
+///     latitudes beyond 90 degrees; solution and reference without an instant or a quantity in common.
 /// LogError
 ///     A file that cannot be read.
 ///
@@ -175,6 +177,7 @@ pub(crate) fn compare<'py>(
     let judged = interruptible(py, move |_| judge(is, should, &request))?.map_err(|problem| {
         let code = match &*problem.code {
             "no_overlap" => "no_overlap",
+            "nothing_to_compare" => "nothing_to_compare",
             _ => "bad_option",
         };
         fail(Failure::new(code, problem.message, problem.remedy))

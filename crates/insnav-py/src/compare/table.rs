@@ -1,5 +1,6 @@
 //! A solution or a reference as the user has it: a file, or columns by name.
 
+use super::known;
 use crate::arrays::Argument;
 use crate::failure::{Failure, fail};
 use crate::withheld::judged_apart;
@@ -25,11 +26,25 @@ impl<'py> Given<'py> {
         if let Ok(path) = object.extract::<PathBuf>() {
             return Ok(Given::File(path));
         }
+        let py = object.py();
+        // Data frames and their like as mappings, columns as those of solutions.
+        let mapping = py
+            .import("insnav._compare")?
+            .getattr("columns_of")?
+            .call1((object,))?;
         let table = Table {
-            mapping: object.cast::<PyMapping>().ok().cloned(),
+            mapping: mapping.cast::<PyMapping>().ok().cloned(),
             object: object.clone(),
             name,
         };
+        if let Some(mapping) = &table.mapping {
+            let names: PyResult<Vec<String>> = mapping
+                .keys()?
+                .iter()
+                .map(|key| Ok(key.str()?.to_string()))
+                .collect();
+            known::check(py, name, &names?)?;
+        }
         if table.mapping.is_none() && !object.hasattr("time_s")? {
             return Err(PyTypeError::new_err(format!(
                 "{name}: expected a solution, a path or a mapping of columns, not {}",
@@ -178,13 +193,45 @@ impl<'py> Table<'py> {
         let latitude = self.scalars("latitude_deg", n)?;
         let longitude = self.scalars("longitude_deg", n)?;
         let height = self.scalars("height_m", n)?;
-        let (Some(latitude), Some(longitude)) = (latitude, longitude) else {
-            return Ok(None);
+        let (latitude, longitude, height) = match (latitude, longitude, height) {
+            (Some(latitude), Some(longitude), Some(height)) => (latitude, longitude, height),
+            (None, None, None) => return Ok(None),
+            (latitude, longitude, _) => {
+                let missing = match (latitude, longitude) {
+                    (None, _) => "latitude_deg",
+                    (_, None) => "longitude_deg",
+                    _ => "height_m",
+                };
+                return Err(self.fail(
+                    Failure::new(
+                        "missing_column",
+                        format!(
+                            "{}: part of a position, without the column `{missing}`",
+                            self.name
+                        ),
+                        "give latitude_deg, longitude_deg and height_m, or none of them",
+                    )
+                    .about(self.name, "part of a position", missing),
+                ));
+            }
         };
-        let at = |i: usize| {
-            let h = height.as_ref().map_or(f64::NAN, |h| h[i]);
-            Geodetic::from_degrees(latitude[i], longitude[i], h)
-        };
+        for (key, values, most) in [
+            ("latitude_deg", &latitude, 90.0),
+            ("longitude_deg", &longitude, 360.0),
+        ] {
+            // What is not finite is nothing to compare with.
+            let impossible = |v: &f64| v.is_finite() && v.abs() > most;
+            if let Some(row) = values.iter().position(impossible) {
+                return Err(self.fail(Failure::argument(
+                    "bad_value",
+                    &format!("{}[{key:?}][{row}]", self.name),
+                    values[row].to_string(),
+                    format!("-{most} to {most} degrees"),
+                    "check that latitude and longitude are in their columns, in degrees; NaN where there is no position",
+                )));
+            }
+        }
+        let at = |i: usize| Geodetic::from_degrees(latitude[i], longitude[i], height[i]);
         Ok(Some((0..n).map(at).collect()))
     }
 
