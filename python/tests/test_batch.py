@@ -334,11 +334,107 @@ def test_workers_end_however_early_the_batch_is_interrupted(after: float, tmp_pa
     assert done.stdout.split() == ["interrupted", "0"], done
 
 
+INTERRUPTED_IN_MID_RUN = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from insnav import batch
+
+if __name__ == "__main__":
+    out = Path(sys.argv[1])
+
+    def interrupt():
+        while not list(out.glob(".long-*.mcap.*.partial")):
+            time.sleep(0.002)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    try:
+        batch.map(sys.argv[2:], {"output": {"rate_hz": 200.0}}, output_dir=out, workers=2)
+    except KeyboardInterrupt:
+        # What is seen by who catches it, not some time later.
+        print(sorted(path.name for path in out.iterdir() if path.name.startswith(".")), flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process of Windows can only be killed")
+def test_an_interrupted_batch_leaves_nothing_half_written(fleet: list[Path], tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED_IN_MID_RUN)
+    for trial in range(3):
+        out = tmp_path / f"out{trial}"
+        done = subprocess.run(
+            [sys.executable, str(script), str(out), str(fleet[4]), str(fleet[0])], capture_output=True, text=True, timeout=60
+        )
+        assert (done.stdout, done.stderr) == ("[]\n", ""), done
+
+
+DEAF = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from insnav import _workers
+from insnav._jobs import do_all
+
+def hear_nothing(place):
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+    Path(place).touch()
+    time.sleep(60)
+
+if __name__ == "__main__":
+    _workers.GRACE_S, second = map(float, sys.argv[2:])
+    places = [Path(sys.argv[1], name) for name in "ab"]
+    begun = []
+
+    def interrupt():
+        while not all(place.exists() for place in places):
+            time.sleep(0.002)
+        begun.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(second)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    try:
+        do_all(hear_nothing, places, [0, 1], workers=2, client=None, progress=None)
+    except KeyboardInterrupt:
+        print(time.monotonic() - begun[0], flush=True)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process of Windows can only be killed")
+@pytest.mark.parametrize(("grace", "second", "least", "most"), [(0.5, 30.0, 0.5, 10.0), (30.0, 0.2, 0.2, 10.0)])
+def test_workers_that_hear_nothing_are_killed(
+    grace: float, second: float, least: float, most: float, tmp_path: Path
+) -> None:
+    """After the grace, or at the second interruption; the process itself ends too, which waits for all workers. They would sleep for a minute."""
+    script = tmp_path / "script.py"
+    script.write_text(DEAF)
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path), str(grace), str(second)], capture_output=True, text=True, timeout=25
+    )
+    assert least <= float(done.stdout) < most, done
+
+
+def end_once(place: str) -> dict[str, Any]:
+    """Told to end from elsewhere, as by a guard of the machine's memory, the first time."""
+    if not Path(place).exists():
+        Path(place).touch()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60)
+    return {"place": place}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process of Windows can only be killed")
+def test_a_worker_that_is_told_to_end_by_somebody_else_counts_as_killed(tmp_path: Path) -> None:
+    place = str(tmp_path / "once")
+    assert do_all(end_once, [place], [0], workers=1, client=None, progress=None) == [{"place": place}]
+
+
 def test_a_worker_whose_successor_dies_too_has_lost_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken:
         """An executor whose process has gone."""
 
-        def submit(self, task: Any) -> Any:
+        def submit(self, *_: Any) -> Any:
             raise BrokenProcessPool("gone")
 
         def shutdown(self, **_: Any) -> None:
@@ -347,7 +443,7 @@ def test_a_worker_whose_successor_dies_too_has_lost_its_job(monkeypatch: pytest.
     worker = _workers._Worker()
     worker.start()
     assert worker._pid.result() > 0
-    worker.stop(at_once=False)
+    worker.stop()
     begun = worker._pid
     monkeypatch.setattr(worker, "_pool", Broken())
     monkeypatch.setattr(worker, "start", lambda: None)
@@ -512,8 +608,9 @@ def test_a_cluster_loses_nothing_and_does_nothing_twice(fleet: list[Path], seria
             """Results that are finished, but in the memory of their worker only, are lost with it."""
             if done > 1:
                 return
-            while sum("result" in record for record in records(tmp_path).values()) < total:
-                time.sleep(0.01)
+            # Who waits in vain goes on, and fails below: `late` is then empty.
+            if not until(lambda: sum("result" in record for record in records(tmp_path).values()) == total, 60.0):
+                return
             pid = next(iter(client.run(os.getpid).values()))
             os.kill(pid, signal.SIGKILL)
             late.append(pid)
