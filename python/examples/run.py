@@ -4,24 +4,29 @@
     python run.py              each notebook is that of its script, and runs to its end
 
 The scripts are the source (jupytext's percent format). Notebooks are kept without outputs, so that what is read is what runs. Each example may
-take 30 s. One whose recordings are absent says so and stops early: its output then has a line that begins with "SKIPPED".
+take 30 s. One whose recordings are absent says so and stops early: its output then has a line that begins with "SKIPPED". One that imports what
+has no release for this Python, by the markers of requirements-test.txt, is skipped; what is merely not installed is an error.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
 import jupytext
 import nbclient
 import nbformat
+from packaging.requirements import Requirement
 
 HERE = Path(__file__).parent
+REQUIREMENTS = HERE.parent / "requirements-test.txt"
 LONGEST_S = 30.0
 
 
@@ -59,6 +64,23 @@ def execute(script: Path) -> tuple[float, list[str]]:
     return time.monotonic() - begin, [line for block in printed for line in block.splitlines() if line.startswith("SKIPPED")]
 
 
+def without_release(script: Path, python: Mapping[str, str] | None = None) -> list[str]:
+    """What a script imports of which no release is for this Python, or for another one (``{"python_version": "3.10"}``)."""
+    found: dict[str, bool] = {}
+    for line in REQUIREMENTS.read_text().splitlines():
+        if line.strip() and not line.startswith("#"):
+            package = Requirement(line)
+            here = package.marker is None or package.marker.evaluate(dict(python) if python else None)
+            found[package.name] = found.get(package.name, False) or here
+    names = set()
+    for node in ast.walk(ast.parse(script.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return sorted(name for name in names if found.get(name) is False)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write the notebooks instead of running them")
@@ -78,8 +100,12 @@ def main() -> int:
         if not path.is_file() or path.read_text() != text(notebook(script)):
             wrong.append(f"{path.name} is not that of {script.name}: make notebooks")
             continue
+        missing = [name for name in without_release(script) if find_spec(name) is None]
         try:
-            took, skipped = execute(script)
+            if missing:
+                took, skipped = 0.0, [f"SKIPPED: no release of {', '.join(missing)} for Python {sys.version_info[0]}.{sys.version_info[1]}"]
+            else:
+                took, skipped = execute(script)
         except nbclient.exceptions.CellExecutionError as error:
             wrong.append(f"{script.name}: {error}")
             continue
