@@ -158,9 +158,21 @@ validators: command ## Solutions are read by other programs: mcap, rosbags, evo,
 	check $(OUT)/drive.insnav.mcap
 
 .PHONY: bench
-bench: ## Run the benches, and hold the instruction counts where valgrind is there
+bench: ## Run the benches; hold the instruction counts where valgrind is there, and what Python is to take
 	$(CARGO) bench $(LOCKED)
 	benches/instructions.sh --check
+	$(MAKE) bench-python
+
+.PHONY: bench-python
+# Each has its bar, and all are run: what is missed is told at the end.
+bench-python: PROFILE = release
+bench-python: wheel ## Times of the wheel: an hour of data, import, a step beyond Rust, autocovariance least squares
+	$(CARGO) build $(LOCKED) --release --example step_loop
+	$(call step,Times of the wheel)
+	@missed=0; for bench in "speed.py" "import_time.py --bar-ms 20" "als.py --check" \
+	    "step_overhead.py --rust target/release/examples/step_loop --bar-ns 1000"; do \
+	    echo "python/benchmarks/$$bench"; $(VENV_PYTHON) python/benchmarks/$$bench || { missed=1; echo "MISSED: $$bench"; }; done; \
+	exit $$missed
 
 .PHONY: fmt
 fmt: ## Format the Rust code

@@ -2,11 +2,12 @@
 
 The same identification twice: :func:`insnav.noise.als_design` and :func:`insnav.noise.als_solve`, and the published construction
 ([Odelson06]: the covariance of all innovations in a window by Kronecker products, ``numpy.linalg.lstsq``), written apart. Runs take turns,
-so that both see the same machine; both designs and both estimates have to agree to 1e-9. What insnav solves has standard errors by
-Bartlett's formula and a test of the model besides, which the other has not and which are most of its time: both are given.
+and each counts with the least of its times, which is what it takes where nothing else wants the machine; both designs and both estimates have
+to agree to 1e-9. What insnav solves has standard errors by Bartlett's formula and a test of the model besides, which the other has not and which
+are most of its time: both are given. The bar, 100 times, is that of the construction of the design alone.
 
     (cd python && maturin develop --release)
-    python python/benchmarks/als.py
+    python python/benchmarks/als.py [--check]
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse
 import json
 import platform
-import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -149,18 +149,17 @@ def compare(m: Model, repeats: int) -> dict[str, float | str]:
         for _ in range(5):
             fast.append(seconds(lambda: by_insnav(m, C, counts)))
             fast_design.append(seconds(lambda: noise.als_design(m.F, m.G, m.H, m.L, None, m.lags)))
-    median = statistics.median
     return {
         "model": m.name,
         "states": len(m.F),
         "channels": len(m.H),
         "lags": m.lags,
-        "insnav_ms": 1e3 * median(fast),
-        "numpy_ms": 1e3 * median(slow),
-        "speedup": median(slow) / median(fast),
-        "insnav_design_ms": 1e3 * median(fast_design),
-        "numpy_design_ms": 1e3 * median(slow_design),
-        "design_speedup": median(slow_design) / median(fast_design),
+        "insnav_ms": 1e3 * min(fast),
+        "numpy_ms": 1e3 * min(slow),
+        "speedup": min(slow) / min(fast),
+        "insnav_design_ms": 1e3 * min(fast_design),
+        "numpy_design_ms": 1e3 * min(slow_design),
+        "design_speedup": min(slow_design) / min(fast_design),
         "design_disagreement": off_design,
         "estimate_disagreement": off_theta,
     }
@@ -168,7 +167,7 @@ def compare(m: Model, repeats: int) -> dict[str, float | str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--check", action="store_true", help="fail where the speed asked for is missed")
     parser.add_argument("--small", action="store_true", help="few lags: to see that both agree")
     parser.add_argument("--json", action="store_true")
@@ -195,7 +194,7 @@ def main() -> int:
         print(f"error: {row['model']}: the two disagree by more than {AGREEMENT}", file=sys.stderr)
     slow = [r for r in rows if arguments.check and float(r["design_speedup"]) < LEAST_SPEEDUP]
     for row in slow:
-        print(f"error: {row['model']}: {row['design_speedup']:.0f} times, {LEAST_SPEEDUP:.0f} are asked for", file=sys.stderr)
+        print(f"error: {row['model']}: the construction takes 1/{row['design_speedup']:.0f} of the time, 1/{LEAST_SPEEDUP:.0f} is asked for", file=sys.stderr)
     return 1 if wrong or slow else 0
 
 

@@ -1,8 +1,9 @@
 """How fast insnav is from Python: one hour of inertial data through `insnav.run`, and python-ins on the begin of the same data.
 
 One hour at 200 Hz, fixes at 1 Hz, all in memory: `insnav.run` as a user calls it (it surveys the data, looks for clock offsets and for
-wheels, and returns 180 000 epochs), on one core. python-ins needs a quarter of an hour for the hour, in proportion to its length: it gets
-the first minutes, or with ``--whole`` all of it.
+wheels, and returns 180 000 epochs), on one core. python-ins needs some minutes for the hour, in proportion to its length: it gets
+the first minute, or with ``--whole`` all of it. Runs take turns, and each counts with the least of its times. Ends with 1 where less than what is asked for
+comes out; where python-ins is not installed it says that this was skipped.
 
     pip install python-ins pandas
     (cd python && maturin develop --release)
@@ -23,6 +24,7 @@ import platform
 import statistics
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +113,7 @@ def python_ins_seconds(truth: Drive, arrays: dict[str, Any], samples: int) -> fl
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeat", type=int, default=5, help="runs of insnav, of which the median and the least are told")
+    parser.add_argument("--repeat", type=int, default=5, help="runs of each, of which the least and the median are told")
     parser.add_argument("--peer-seconds", type=float, default=60.0, help="seconds of the data that python-ins gets")
     parser.add_argument("--whole", action="store_true", help="give python-ins all of it")
     parser.add_argument("--no-peer", action="store_true")
@@ -123,27 +125,34 @@ def main() -> int:
     truth, arrays = hour(DURATION_S)
     samples = len(arrays["imu"][0])
     insnav_seconds(arrays)
-    ours = [insnav_seconds(arrays) for _ in range(options.repeat)]
-    median = statistics.median(ours)
-    print(
-        f"insnav.run, {samples} inertial samples: {median:.2f} s (least {min(ours):.2f}), "
-        f"{1e6 * median / samples:.2f} µs a sample; asked: {MOST_SECONDS} s"
-    )
-    report: dict[str, Any] = {"samples": samples, "run_s": ours}
-    ok = median <= MOST_SECONDS
-    if not options.no_peer:
-        peer_samples = samples if options.whole else int(options.peer_seconds * RATE_HZ)
+    ours: list[float] = []
+    theirs: list[float] = []
+    peer_samples = samples if options.whole else int(options.peer_seconds * RATE_HZ)
+    peer = not options.no_peer and find_spec("pyins") is not None
+    if peer:
         # Compiles its integrator before the clock runs.
         python_ins_seconds(truth, arrays, 1000)
-        theirs = python_ins_seconds(truth, arrays, peer_samples)
-        again = insnav_seconds(arrays)
-        ratio = (theirs / peer_samples) / (again / samples)
+    for _ in range(options.repeat):
+        ours.append(insnav_seconds(arrays))
+        if peer:
+            theirs.append(python_ins_seconds(truth, arrays, peer_samples))
+    least = min(ours)
+    print(
+        f"insnav.run, {samples} inertial samples: {least:.2f} s (median {statistics.median(ours):.2f}), "
+        f"{1e6 * least / samples:.2f} µs a sample; asked: at most {MOST_SECONDS} s"
+    )
+    report: dict[str, Any] = {"samples": samples, "run_s": ours}
+    ok = least <= MOST_SECONDS
+    if peer:
+        ratio = (min(theirs) / peer_samples) / (least / samples)
         print(
-            f"python-ins, the first {peer_samples} of them: {theirs:.1f} s, {1e6 * theirs / peer_samples:.0f} µs a sample; "
-            f"insnav beside it {again:.2f} s: {ratio:.0f} times less; asked: {LEAST_SPEEDUP:.0f}"
+            f"python-ins, the first {peer_samples} of them: {min(theirs):.2f} s (median {statistics.median(theirs):.2f}), "
+            f"{1e6 * min(theirs) / peer_samples:.0f} µs a sample: {ratio:.0f} times as much; asked: at least {LEAST_SPEEDUP:.0f}"
         )
         report |= {"peer_samples": peer_samples, "peer_s": theirs, "speedup": ratio}
         ok = ok and ratio >= LEAST_SPEEDUP
+    elif not options.no_peer:
+        print("SKIPPED: python-ins is not installed: pip install python-ins pandas")
     if options.json:
         options.json.write_text(json.dumps(report))
     return 0 if ok else 1

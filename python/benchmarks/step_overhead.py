@@ -1,18 +1,25 @@
 """What one call of `Navigator.step_imu` costs beyond the navigator itself.
 
-The same samples go through `batch`, which makes no call for each of them, and through `step_imu`, one call each, in turns; the difference by
-sample is the price of a call, with the loop of Python around it. That `batch` reads and sorts its arrays first is in its time.
-A loop that calls an empty function of Python is there to compare.
+The same samples go through the navigator in Rust (`examples/step_loop.rs`), through `batch`, which makes no call for each of them, and through
+`step_imu`, one call each, in turns; the difference by sample is the price of a call, with the loop of Python around it. That `batch` reads
+and sorts its arrays first is in its time. A loop that calls an empty function of Python is there to compare.
 
-    python python/benchmarks/step_overhead.py [samples] [rounds]
+    cargo build --release --example step_loop
+    python python/benchmarks/step_overhead.py [samples] [rounds] [--rust target/release/examples/step_loop] [--bar-ns 1000]
+
+With a bar it ends with 1 where a call, array or tuple, takes more than that beyond Rust, each by the least of its times.
 """
 
 from __future__ import annotations
 
+import argparse
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,6 +44,10 @@ START = {
 }
 
 
+#: What the bar is for.
+STEPS = ("step_imu, arrays", "step_imu, tuples")
+
+
 def samples(n: int) -> tuple[Any, Any, Any]:
     rng = np.random.default_rng(1)
     t = np.arange(n) * 0.005
@@ -51,13 +62,25 @@ def seconds(job: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-def main() -> None:
-    n = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 7
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("samples", type=int, nargs="?", default=100_000)
+    parser.add_argument("rounds", type=int, nargs="?", default=7)
+    parser.add_argument("--rust", type=Path, help="examples/step_loop.rs, built as the wheel was")
+    parser.add_argument("--bar-ns", type=float, help="what a call may cost beyond Rust")
+    options = parser.parse_args()
+    if options.bar_ns is not None and options.rust is None:
+        parser.error("--bar-ns: give --rust, against which it is")
+    with tempfile.TemporaryDirectory() as folder:
+        return measure(options.samples, options.rounds, options.rust, options.bar_ns, Path(folder) / "samples.f64")
+
+
+def measure(n: int, rounds: int, rust: Path | None, bar_ns: float | None, file: Path) -> int:
     t, rate, force = samples(n)
     stamps = t.tolist()
     rows = [(list(rate), list(force)), (list(map(tuple, rate.tolist())), list(map(tuple, force.tolist())))]
     arrays = {"imu": (t, rate, force)}
+    np.column_stack([t, rate, force]).astype("<f8").tofile(file)
 
     def navigator() -> insnav.Navigator:
         return insnav.Navigator(CONFIG, start=START, keep=False)
@@ -84,7 +107,12 @@ def main() -> None:
 
         return seconds(loop)
 
+    def in_rust() -> float:
+        done = subprocess.run([str(rust), str(file)], check=True, capture_output=True, text=True)
+        return float(done.stdout) * n / 1e9
+
     kinds: dict[str, Callable[[], float]] = {
+        **({"Rust": in_rust} if rust else {}),
         "batch": batch,
         "step_imu, arrays": lambda: steps(*rows[0]),
         "step_imu, tuples": lambda: steps(*rows[1]),
@@ -95,15 +123,18 @@ def main() -> None:
     for _ in range(rounds):
         for name, job in kinds.items():
             times[name].append(1e9 * job() / n)
-    base = times["batch"]
+    base = "Rust" if rust else "batch"
     print(f"{n} samples, {rounds} rounds in turns; ns per sample, median (least to most)")
     for name, values in times.items():
-        # Round by round, so that what slows the machine slows both.
-        over = [v - b for v, b in zip(values, base, strict=True)]
         spread = f"{statistics.median(values):8.0f} ({min(values):.0f} to {max(values):.0f})"
-        beyond = "" if name == "batch" else f"  beyond batch {statistics.median(over):6.0f} ({min(over):.0f} to {max(over):.0f})"
+        # The least of each is what it takes where nothing else wants the machine.
+        beyond = "" if name == base else f"  beyond {base} {min(values) - min(times[base]):6.0f}"
         print(f"{name:28} {spread}{beyond}")
+    wrong = [name for name in STEPS if bar_ns is not None and min(times[name]) - min(times[base]) > bar_ns]
+    for name in wrong:
+        print(f"error: {name}: {min(times[name]) - min(times[base]):.0f} ns beyond {base}, {bar_ns:g} are allowed", file=sys.stderr)
+    return int(bool(wrong))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
