@@ -203,7 +203,60 @@ def test_a_solution_is_read_back(withhold: str | None, data: Path, tmp_path: Pat
     again = insnav.read_solution(out)
     same_columns(s, again)
     assert again.summary["config"] == s.summary["config"] and again.summary["metadata"]["input_crc32"]
-    assert len(again.stops) == 0
+    # Comma's car never stands.
+    assert len(again.stops) == len(s.stops) == 0
+
+
+def test_stops_of_a_solution_that_is_read_are_those_of_its_columns(tmp_path: Path) -> None:
+    out = tmp_path / "solution.mcap"
+    drive = Scenario.car_drive(600.0).simulate(1)
+    s = quietly(insnav.run, drive.arrays, CONFIG, output=out)
+    read = insnav.read_solution(out).stops
+    step = float(np.median(np.diff(s.time_s)))
+    assert len(read) == len(s.stops) == 3
+    assert read.begin_s == pytest.approx(s.stops.begin_s, abs=1e-6)
+    assert (s.stops.end_s - read.end_s >= -1e-9).all() and (s.stops.end_s - read.end_s < 1.5 * step).all()
+    assert read.mode.tolist() == [""] * 3 and np.isnan(read.heading_deg).all() and np.isnan(read.held_from_s).all()
+
+
+def test_stops_of_columns_are_told_apart(tmp_path: Path) -> None:
+    s = quietly(insnav.run, Scenario.standing(20.0).simulate(1).arrays, CONFIG)
+
+    def stops(standing: list[int], standing_s: list[float]) -> list[tuple[float, float]]:
+        n = len(standing)
+        columns = {
+            **{name: getattr(s, name)[:n] for name in s.columns},
+            "time_s": np.arange(float(n)),
+            "standing": np.array(standing, dtype=bool),
+            "standing_s": np.array(standing_s, dtype=float),
+        }
+        found = insnav.Solution(**columns, t0_ns=0, updates=s.updates, summary={}).stops
+        return list(zip(found.begin_s.tolist(), found.end_s.tolist(), strict=True))
+
+    assert stops([], []) == []
+    assert stops([0, 0, 0], [0, 0, 0]) == []
+    assert stops([1, 1, 1], [0.5, 1.5, 2.5]) == [(-0.5, 2)]
+    assert stops([0, 1, 1, 0, 1], [0, 0.25, 1.25, 0, 0.75]) == [(0.75, 2), (3.25, 4)]
+    # It moved between two epochs.
+    assert stops([1, 1, 1, 0], [8, 9, 0.5, 0]) == [(-8, 1), (1.5, 2)]
+    # Found after a while, and counted from its begin.
+    assert stops([0, 0, 1, 0], [0, 0, 2, 0]) == [(0, 2)]
+
+
+def test_a_recording_keeps_what_its_file_says(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    insnav.write_mcap(path, Scenario.standing(2.0).simulate(1).arrays)
+    recording = insnav.read_mcap(path)
+    told = (recording.path, recording.topics, recording.counts, recording.metadata)
+    assert recording.path and recording.topics and recording.counts
+    position = recording["gnss_position"]
+    changed: Any = recording | {"gnss_position": None}
+    for again in (recording.copy(), recording | {}, changed):
+        assert type(again) is insnav.Recording and again.keys() == recording.keys()
+        assert (again.path, again.topics, again.counts, again.metadata) == told
+    assert recording["gnss_position"] is position and changed["gnss_position"] is None
+    with pytest.raises(TypeError):
+        recording | 3  # type: ignore[operator]
 
 
 def test_files_are_whole_or_not_there(tmp_path: Path, data: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,19 @@ def test_biases(solution: insnav.Solution) -> None:
             assert low == pytest.approx(values[:, i] - 3 * sigma[:, i]) and high == pytest.approx(values[:, i] + 3 * sigma[:, i])
         assert_stops_shaded(ax, solution)
     assert [ax.get_ylabel() for ax in axes] == ["gyro bias (°/h)", "accelerometer bias (mg)"]
+
+
+def test_stops_of_a_solution_without_a_summary_are_shaded(solution: insnav.Solution, drive: insnav.sim.Simulation, tmp_path: Path) -> None:
+    out = tmp_path / "solution.mcap"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", insnav.InsnavWarning)
+        insnav.run(drive.arrays, {"imu": {"grade": "industrial"}}, output=out)
+    read = insnav.read_solution(out)
+    step = float(np.median(np.diff(solution.time_s)))
+    for axes, whole in zip(read.plot.biases(), solution.plot.biases(), strict=True):
+        edges, wanted = ([(s.get_x(), s.get_x() + s.get_width()) for s in of(ax.patches, "stop")] for ax in (axes, whole))
+        assert len(edges) == len(wanted) == 2
+        assert np.array(edges) == pytest.approx(np.array(wanted), abs=1.5 * step)
 
 
 def test_nis(solution: insnav.Solution) -> None:

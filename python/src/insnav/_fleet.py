@@ -257,7 +257,6 @@ def _output(log: Path, folder: Path, root: _Path | None) -> Path:
 def _row(run: Run) -> dict[str, Any]:
     s = run.summary
     start, last = s.get("alignment") or {}, s.get("final") or {}
-    stops = [stop for stop in s["stops"] if stop.get("end_s") is not None]
     aiding = {a["name"]: a for a in s["aiding"]}
     row = {
         "file": os.fspath(run.file),
@@ -272,7 +271,7 @@ def _row(run: Run) -> dict[str, Any]:
         "heading_source": start.get("heading_source", ""),
         "sigma_heading_at_start_deg": start.get("sigma_heading_deg"),
         "stops": len(s["stops"]),
-        "standing_s": sum(stop["end_s"] - stop["begin_s"] for stop in stops),
+        "standing_s": sum(stop["end_s"] - stop["begin_s"] for stop in s["stops"]),
     }
     for name in ("gnss_position", "gnss_velocity"):
         what = aiding.get(name, {})

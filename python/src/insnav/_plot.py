@@ -183,7 +183,7 @@ class Plots:
             raise ArgumentError(
                 f"measurements: the solution has no {', '.join(unknown) or 'measurements'}",
                 "bad_option",
-                f"it has {', '.join(known)}" if known else "solutions that were read from a file have none",
+                f"it has {', '.join(known)}" if known else "no measurement was fused, or the frame that it was made of came without updates",
                 argument="measurements",
             )
         drawn = _axes(ax, len(names))
@@ -254,10 +254,10 @@ class Plots:
 
 
 def shade_stops(ax: Axes, solution: Solution) -> None:
-    """A grey stretch for each stop; one that has no end goes to the end of the solution."""
+    """A grey stretch for each stop."""
     stops = solution.stops
     for begin, end in zip(stops.begin_s, stops.end_s, strict=True):
-        ax.axvspan(float(begin), float(end if np.isfinite(end) else solution.time_s[-1]), color="0.85", zorder=0, linewidth=0, gid="stop")
+        ax.axvspan(float(begin), float(end), color="0.85", zorder=0, linewidth=0, gid="stop")
 
 
 def allan(deviation: AllanDeviation, fit: AllanFit | None, ax: Axes | None, unit: str) -> Axes:

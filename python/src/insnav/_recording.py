@@ -41,6 +41,17 @@ class Recording(dict[str, Any]):
         self.counts = dict(counts or {})
         self.metadata = dict(metadata or {})
 
+    def copy(self) -> Recording:
+        """Another one of the same arrays, with what the file says."""
+        return self._with(self)
+
+    def __or__(self, other: Mapping[str, Any]) -> Recording:  # type: ignore[override]
+        """With other arrays in the place of some: what the file says stays."""
+        return self._with({**self, **other}) if isinstance(other, Mapping) else NotImplemented
+
+    def _with(self, arrays: Mapping[str, Any]) -> Recording:
+        return Recording(arrays, path=self.path, topics=self.topics, counts=self.counts, metadata=self.metadata)
+
     def __repr__(self) -> str:
         kinds = ", ".join(f"{len(columns[0])} {kind}" for kind, columns in self.items() if isinstance(columns, tuple))
         return f"<insnav.Recording: {kinds or 'nothing'}>"

@@ -108,7 +108,7 @@ class Withheld:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stops:
-    """Stops as the run found and used them: one row a stop.
+    """Stops as the run found and used them: one row a stop. What is not known of them is NaN (see :attr:`Solution.stops`).
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Stops:
     held_from_s : (k,)
         From when on the filter made use of it, s.
     mode : (k,) of str
-        How it was held: ``"static"``, ``"heading_hold"``, ….
+        How it was held: ``"static"``, ``"heading_hold"``, …; empty where that is not known.
     heading_deg, sigma_heading_deg : (k,)
         Heading at its end and its standard deviation, degrees.
     heading_growth_deg : (k,)
@@ -356,7 +356,8 @@ class Solution:
         """A dataset with the columns as they are, vectors and matrices whole (needs xarray).
 
         Each has its unit (as UDUNITS spells it) and what it is in its attributes. Axes are ``time``, ``ned`` (and ``ned_too`` of covariances), ``frd``,
-        ``wxyz``, and ``update`` for the measurements, ``update_nis`` and so on. ``t0_ns`` and the summary, as JSON, are attributes of
+        ``wxyz``, ``evidence`` (of ``stop_ratios``), and of the measurements, ``update_nis`` and so on, ``update`` and ``component`` (of their
+        residuals and sigmas). ``t0_ns`` and the summary, as JSON, are attributes of
         the dataset.
 
         Parameters
@@ -382,8 +383,15 @@ class Solution:
 
     @property
     def stops(self) -> Stops:
-        """Stops as the run found and used them; all that is known of each is in ``summary["stops"]``."""
-        rows = self.summary.get("stops", [])
+        """Stops as the run found and used them; all that is known of each is in ``summary["stops"]``.
+
+        A solution whose summary tells of none, because it was read from a file, made of a frame or taken from a :class:`Navigator`, has
+        those of its columns ``standing`` and ``standing_s``: begins as they were, ends to one epoch, a stop with gaps as several.
+        Everything else about them is not known: NaN, and ``mode`` empty.
+        """
+        rows = self.summary.get("stops")
+        if rows is None:
+            return self._stops_of_columns()
 
         def floats(key: str) -> Floats:
             return np.array([row[key] for row in rows], dtype=np.float64)
@@ -396,6 +404,25 @@ class Solution:
             heading_deg=floats("heading_after_deg"),
             sigma_heading_deg=floats("sigma_heading_deg"),
             heading_growth_deg=floats("heading_growth_deg"),
+        )
+
+    def _stops_of_columns(self) -> Stops:
+        standing = self.standing.astype(bool)
+        # At an epoch that stands, after one that does not or that stood for longer: another stop.
+        begins = standing.copy()
+        begins[1:] &= ~standing[:-1] | (np.diff(self.standing_s) < 0)
+        ends = standing.copy()
+        ends[:-1] &= ~standing[1:] | begins[1:]
+        last = np.flatnonzero(ends)
+        unknown = np.full(len(last), np.nan)
+        return Stops(
+            begin_s=self.time_s[last] - self.standing_s[last],
+            end_s=self.time_s[last],
+            held_from_s=unknown,
+            mode=np.full(len(last), "", dtype=np.str_),
+            heading_deg=unknown.copy(),
+            sigma_heading_deg=unknown.copy(),
+            heading_growth_deg=unknown.copy(),
         )
 
     def epoch(self, time_s: float) -> Epoch:
