@@ -45,12 +45,23 @@ for name, value in comparison.summary.items():
     if isinstance(value, float | int) and not isinstance(value, bool):
         print(f"{name:40} {value:.4g}")
 
+# Three sigmas hold 99.7 % of what is normal; neighbouring errors are nearly the same one.
+for errors, sigma in [
+    (comparison.position_error_n_m, comparison.sigma_position_n_m),
+    (comparison.velocity_error_n_m_per_s, comparison.sigma_velocity_n_m_per_s),
+    (comparison.attitude_error_n_deg, comparison.sigma_attitude_n_deg),
+]:
+    assert (np.abs(errors) < 3 * sigma).mean() > 0.95
+
 # %% [markdown]
 # What the filter did with each measurement, and where the vehicle stood:
 
 # %%
 print(solution.updates)
 print(solution.stops)
+# It begins with a minute at rest.
+assert len(solution.stops) == 1 and abs(solution.stops.end_s[0] - 60.0) < 3.0
+assert set(solution.updates.verdict) == {"accepted"}
 
 # %% [markdown]
 # What cannot be used is refused with a reason and a remedy.
@@ -61,6 +72,9 @@ try:
     insnav.run({"imu": (t, rates, forces[:-1])})
 except insnav.ArgumentError as error:
     print(error.argument, error.received, error.expected, sep=" | ")
+    assert error.argument == "imu: specific_force_b_m_per_s2"
+else:
+    raise AssertionError("a row too few was taken")
 
 # %% [markdown]
 # The same from a shell: `insnav demo` makes a log to play with, `insnav info drive.mcap` says what is in a log, `insnav run drive.mcap`
