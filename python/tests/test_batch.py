@@ -508,6 +508,45 @@ def test_a_start_on_a_date_is_refused_once(unit: str, fleet: list[Path]) -> None
         batch.map(fleet, CONFIG, each={fleet[0]: {"start": {"time_s": date.item() if unit == "D" else date}}})
 
 
+def test_a_start_that_is_wrong_for_all_is_refused_once(fleet: list[Path]) -> None:
+    start: Any = {
+        "latitude_deg_longitude_deg_height_m": [50.0, 14.0, 300.0],
+        "velocity_n_m_per_s": [0.0] * 3,
+        "roll_deg_pitch_deg_heading_deg": [0.0, 0.0, 90.0],
+        "sigma_position_n_m": [1.0] * 3,
+        "sigma_velocity_n_m_per_s": [0.1] * 3,
+        "sigma_attitude_n_deg": [1.0] * 3,
+    }
+    wrong: list[tuple[Any, str]] = [
+        ({**start, "latitude_deg": 50.0}, "unknown key `latitude_deg`"),
+        ({**start, "sigma_position_n_m": [0.0, 1.0, 1.0]}, "sigma_position_n_m"),
+        ({}, "is missing"),
+        (3, "a mapping"),
+    ]
+    for given, words in wrong:
+        with pytest.raises(insnav.ArgumentError, match=words) as caught:
+            batch.map(fleet, CONFIG, start=given, workers=0)
+        with pytest.raises(insnav.ArgumentError) as of_run:
+            insnav.run(fleet[0], CONFIG, start=given)
+        assert str(caught.value) == str(of_run.value)
+    # It needs no instant: each log begins with it.
+    for given in (start, {**start, "time_s": None}, {**start, "time_s": 1.0}):
+        assert batch.map([], start=given, workers=0).runs == ()
+
+
+def test_a_folder_that_cannot_be_is_told(fleet: list[Path], tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    for folder, why in ((file, "it is a file"), (file / "below", os.strerror(20))):
+        for way in ("map", "monte_carlo"):
+            with pytest.raises(insnav.LogError, match=why) as caught:
+                if way == "map":
+                    batch.map(fleet[:1], CONFIG, output_dir=folder, workers=0)
+                else:
+                    batch.monte_carlo(insnav.sim.Scenario.standing(2.0), 1, output_dir=folder, workers=0)
+            assert caught.value.path == str(folder) and caught.value.code == "output_not_writable" and caught.value.remedy
+
+
 def mark_and_maybe_die(item: tuple[int, str]) -> dict[str, Any]:
     """Three is killed the first time, five each time, seven raises."""
     number, folder = item

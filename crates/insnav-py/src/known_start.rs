@@ -53,12 +53,12 @@ pub(crate) fn known_start(given: &Bound<'_, PyAny>) -> PyResult<KnownStart> {
                 .about("start", key, format!("one of {}", KEYS.join(", "))),
             ));
         }
-        // As `insnav.batch` has it, whose start is that of many logs.
         let name = format!("start: {key}");
-        if Argument::new(&name, &given.get_item(&key)?)
-            .is_dated()
-            .map_err(fail)?
-        {
+        let value = given.get_item(&key)?;
+        // A day without a time is an object like any other to numpy.
+        let dated =
+            value.hasattr("isoformat")? || Argument::new(&name, &value).is_dated().map_err(fail)?;
+        if dated {
             return Err(fail(
                 Failure::new(
                     "bad_start",

@@ -55,8 +55,9 @@ the arrays of :func:`ahrs` are in SI units and radians.
 
 Arrays are whatever ``numpy.asarray`` takes, with one row a stamp: (n,), (n, 3). What does not fit is an :class:`InsnavError`, whose class
 says what is wrong and whose message says which argument, what it is and what it should be. Long calls leave the interpreter to other
-threads and end at once on Ctrl-C. What has the layout that is needed is read where it lies, without a copy: no other thread must change an
-array before the call that it was given to has returned.
+threads and end at once on Ctrl-C. They begin with a copy of what they were given, which may be changed meanwhile; but :mod:`insnav.earth`,
+:mod:`insnav.attitude`, :mod:`insnav.mechanization` and ``Eskf.propagate`` read float64 that lies row by row where it lies, without a copy: no other
+thread must change such an array before the call has returned.
 """
 
 from typing import TYPE_CHECKING, Any

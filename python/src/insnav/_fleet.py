@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from insnav._errors import ArgumentError
 from insnav._insnav import run
-from insnav._jobs import Failure, Progress, account, do_all, keywords_of_run, raise_all
+from insnav._jobs import Failure, Progress, account, do_all, keywords_of_run, make_folder, raise_all
 from insnav._optional import needs
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def map(
     Raises
     ------
     InsnavError
-        Settings that are wrong for all, an ``output_dir`` that cannot be, or worker processes that cannot be started.
+        Settings or a start that are wrong for all, an ``output_dir`` that cannot be (``LogError``), or worker processes that cannot be started.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def map(
                     f"files: {outputs[output]} and {log} would have the same output {output}", "same_output", "rename one, or leave out root"
                 )
             outputs[output] = log
-            output.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(output.parent)
         jobs.append(_Log(log, output, keywords, batch, resume))
     outcomes = do_all(_navigate, jobs, logs, workers=workers, client=client, progress=progress)
     runs, failures = [], []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import inspect
 import os
 import sys
@@ -13,10 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
-from insnav._errors import ArgumentError, InsnavError, InsnavWarning
-from insnav._insnav import given_settings, run
+from insnav._errors import ArgumentError, InsnavError, InsnavWarning, LogError
+from insnav._insnav import Navigator, given_settings, run
 
 Progress: TypeAlias = Callable[[int, int, Any], None]
 
@@ -111,13 +108,28 @@ def keywords_of_run(given: Mapping[str, Any]) -> dict[str, Any]:
     for name in given:
         if name not in known:
             raise TypeError(f"{name}: not a keyword of insnav.run that can be given here ({', '.join(known)})")
-    start = given.get("start")
-    for name, value in start.items() if isinstance(start, Mapping) else ():
-        if isinstance(value, datetime.date) or (isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "mM"):
-            raise ArgumentError(
-                f"start: {name} is a date, expected a number", "bad_start", "give seconds from the first inertial sample on"
-            )
+    if (start := given.get("start")) is not None:
+        # What is wrong with it is wrong for every log: a navigator says so, which wants an instant too.
+        instant = {"time_s": 0.0} if isinstance(start, Mapping) and start.get("time_s") is None else {}
+        Navigator(start={**start, **instant} if instant else start)
     return {**given, "config": given_settings(given["config"])} if "config" in given else dict(given)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs, and those above it, unless it is there.
+
+    Raises
+    ------
+    LogError
+        It cannot be.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        why = "it is a file" if isinstance(e, FileExistsError) else e.strerror
+        raise LogError(
+            f"output_dir: {folder}: cannot be made: {why}", "output_not_writable", "choose a folder that can be made and written", path=os.fspath(folder)
+        ) from e
 
 
 def do_all(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from insnav._errors import ArgumentError
 from insnav._insnav import run
-from insnav._jobs import Failure, Progress, account, do_all, keywords_of_run, raise_all
+from insnav._jobs import Failure, Progress, account, do_all, keywords_of_run, make_folder, raise_all
 from insnav._optional import needs
 
 if TYPE_CHECKING:
@@ -146,6 +146,11 @@ def monte_carlo(
     MonteCarlo
         Errors by run with the seeds, and what they are together.
 
+    Raises
+    ------
+    InsnavError
+        As of :func:`map`.
+
     Examples
     --------
     >>> import insnav
@@ -160,13 +165,13 @@ def monte_carlo(
     seed = operator.index(seed)
     if seed < 0 or seed + runs > 2**64:
         raise ArgumentError(f"seed: {seed} and {runs} runs, expected seeds from 0 to 2**64 - 1", "bad_option")
-    keywords = keywords_of_run({"config": config, **options})
-    if "start" in keywords:
+    if "start" in options:
         raise TypeError("start: give known_start=True; the state is another one for each seed")
+    keywords = keywords_of_run({"config": config, **options})
     folder = None
     if output_dir is not None:
         folder = Path(output_dir)
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
     batch = uuid.uuid4().hex
     seeds = [seed + i for i in range(runs)]
     jobs = [_Seed(scenario, s, keywords, known_start, dict(compare or {}), folder, batch, resume) for s in seeds]
