@@ -109,7 +109,7 @@ def test_command_rust_and_python_agree_to_the_last_bit(
 
 
 def test_one_bit_of_a_setting_is_seen(data: Path) -> None:
-    """The control: a lever arm that is longer by a unit in the last place (1e-16 m) is another solution in nearly every column."""
+    """The control: a lever arm that is longer by a unit in the last place (2e-16 m) is another solution in nearly every column."""
     log = data / "mcap_real/comma2k19_ros2_lz4.mcap"
     arm = {"gnss": {"lever_arm_b_m": [1.0, 0.0, 0.0]}}
     longer = {"gnss": {"lever_arm_b_m": [float(np.nextafter(1.0, 2.0)), 0.0, 0.0]}}

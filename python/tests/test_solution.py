@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,32 @@ def test_every_column_has_one_row_an_epoch(solution: insnav.Solution) -> None:
     # The diagonal of the covariance is the square of the sigmas.
     diagonal = np.einsum("nii->ni", solution.position_covariance_n_m2)
     assert np.allclose(diagonal, solution.sigma_position_n_m**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [slice(100, 400), slice(None, None, 10), slice(-50, None), slice(7, 8), slice(5, 5), slice(None)])
+def test_a_slice_is_a_solution(solution: insnav.Solution, rows: slice) -> None:
+    columns: dict[str, Any] = {f.name: np.arange(91) for f in fields(insnav.Withheld)}
+    whole = replace(solution, withheld=insnav.Withheld(**columns))
+    part = whole[rows]
+    for name in solution.columns:
+        assert same(np.ascontiguousarray(getattr(part, name)), np.ascontiguousarray(getattr(solution, name)[rows])), name
+    assert part.t0_ns == solution.t0_ns and part.summary == solution.summary and len(part.stops) == len(solution.stops)
+    for table, of_part in ((whole.updates, part.updates), (whole.withheld, part.withheld)):
+        wanted = [i for i, t in enumerate(table.time_s) if len(part) and part.time_s[0] <= t <= part.time_s[-1]]
+        for f in fields(type(table)):
+            assert same(getattr(of_part, f.name), getattr(table, f.name)[wanted]), f.name
+    if len(part):
+        assert same(part.epoch(float(part.time_s[0])).quaternion_nb_wxyz, part.quaternion_nb_wxyz[0])
+    assert same(pickle.loads(pickle.dumps(part)).updates, part.updates)
+
+
+def test_what_is_no_slice_is_refused(solution: insnav.Solution) -> None:
+    key: Any
+    for key in (3, "time_s", [1, 2]):
+        with pytest.raises(TypeError, match="cut by slices"):
+            solution[key]
+    with pytest.raises(ValueError, match="forward in time"):
+        solution[::-1]
 
 
 def test_an_epoch_is_the_nearest_row(solution: insnav.Solution) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -280,6 +280,25 @@ class Solution:
         if not len(self):
             return "<insnav.Solution: no epochs>"
         return f"<insnav.Solution: {len(self)} epochs, {self.time_s[0]:.3f} s to {self.time_s[-1]:.3f} s>"
+
+    def __getitem__(self, rows: slice) -> Solution:
+        """A part of it: ``solution[100:200]``, ``solution[::10]``; the columns are views of those of the whole.
+
+        Measurements and withheld fixes are those from its first epoch to its last. ``t0_ns`` and the summary stay, so that :attr:`stops`
+        are those of the whole run.
+        """
+        if not isinstance(rows, slice):
+            raise TypeError(f"a solution is cut by slices, such as solution[100:200], not by {type(rows).__name__}; epoch(t) is one of its epochs")
+        if rows.step is not None and rows.step < 1:
+            raise ValueError(f"a solution goes forward in time: a step of {rows.step}, expected 1 or more")
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        time_s = columns["time_s"]
+
+        def within(table: Any) -> dict[str, Any]:
+            kept = (table.time_s >= time_s[0]) & (table.time_s <= time_s[-1]) if len(time_s) else np.zeros(len(table), dtype=bool)
+            return {part.name: getattr(table, part.name)[kept] for part in fields(table)}
+
+        return replace(self, **columns, updates=Updates(**within(self.updates)), withheld=Withheld(**within(self.withheld)))
 
     @property
     def plot(self) -> Plots:
