@@ -30,6 +30,35 @@ def vectors(scale: float, n: int = 200, seed: int = 2) -> Array:
 # The Earth
 
 
+def test_no_fix_is_refused_by_its_row() -> None:
+    # What receivers give for it, and places near it, of which a latitude beyond 90 degrees came.
+    good = earth.to_ecef(positions(3))
+    for bad in ([0.0, 0.0, 0.0], [1000.0, 0.0, 1000.0], [-2e4, 3e4, 1e4]):
+        with pytest.raises(insnav.ArgumentError, match="r_e: .* in row 2, expected positions 50 km and more") as caught:
+            earth.from_ecef(np.vstack([good[:2], [bad], good[2:]]))
+        assert caught.value.code == "bad_value" and "without a fix" in str(caught.value.remedy)
+        with pytest.raises(insnav.ArgumentError, match="expected positions 50 km"):
+            earth.from_ecef(bad)
+    with pytest.raises(insnav.ArgumentError, match="50 km and more from the Earth's centre"):
+        earth.LocalFrame([0.0, 0.0, 0.0]).to_geodetic([0.0, 0.0, earth.SEMI_MAJOR_AXIS])
+    # Where there is a latitude, it is one: down to 50 km from the centre, in every direction.
+    rng = np.random.default_rng(5)
+    deep = rng.normal(size=(20_000, 3))
+    deep *= rng.uniform(50.001e3, 6e6, 20_000)[:, None] / np.linalg.norm(deep, axis=1)[:, None]
+    assert np.abs(earth.from_ecef(deep)[:, 0]).max() <= np.pi / 2
+
+
+def test_offset_goes_on_beyond_the_date_line() -> None:
+    for side in (1.0, -1.0):
+        at = np.array([0.5, side * (np.pi - 1e-6), 0.0])
+        dp = np.array([3.0, side * 100.0, -2.0])
+        there = earth.offset(at, dp)
+        # East of the line is west of the map, a whole turn away.
+        expected = at[1] + dp[1] / (earth.transverse_radius(0.5) * np.cos(0.5)) - side * 2 * np.pi
+        assert abs(there[1] - expected) < 1e-15 and abs(there[1]) < np.pi
+        assert np.abs(earth.offset_to(at, there) - dp).max() < 1e-8
+
+
 def test_gravity_has_its_published_values() -> None:
     # [WGS84] table 3.4: equator, pole, and the mean of both hemispheres by its series; to the last published digit.
     assert earth.gravity(0.0) == pytest.approx(9.7803253359, abs=1e-10)

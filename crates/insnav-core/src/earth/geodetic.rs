@@ -8,6 +8,9 @@ use nalgebra::{ComplexField, RealField};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// So near the Earth's centre more than one latitude fits, m: the centres of curvature of the meridian reach out to 43 km.
+pub const NO_LATITUDE_WITHIN: f64 = 50e3;
+
 /// A position on WGS-84: latitude and longitude in radians, ellipsoidal height in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Geodetic {
@@ -54,9 +57,16 @@ impl Geodetic {
 
     /// From an Earth-centred Earth-fixed position, m: Bowring's formula, repeated twice (\[Bowring76\]).
     ///
-    /// Good to some nanometres from −10 km to 10 000 km of height. Within 50 km of the Earth's centre more than one latitude
-    /// fits, and what comes out may fail [`Geodetic::is_valid`].
+    /// Good to some nanometres from −10 km to 10 000 km of height. Within [`NO_LATITUDE_WITHIN`] of the Earth's centre, where a
+    /// receiver without a fix often is, latitude and height are NaN, and [`Geodetic::is_valid`] fails.
     pub fn from_ecef(r_e: &Vector3<f64>) -> Self {
+        if r_e.norm_squared() < NO_LATITUDE_WITHIN * NO_LATITUDE_WITHIN {
+            return Geodetic {
+                latitude: f64::NAN,
+                longitude: r_e.y.atan2(r_e.x),
+                height: f64::NAN,
+            };
+        }
         let p = (r_e.x * r_e.x + r_e.y * r_e.y).sqrt();
         let second_eccentricity_squared = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED);
         // Parametric (reduced) latitude first, then latitude from it; the second round removes what is left at great height.
@@ -194,6 +204,19 @@ mod tests {
             prop_assert!((back.height - at.height).abs() < 1e-8);
         }
 
+        /// Wherever there is one latitude, it is one.
+        #[test]
+        fn latitudes_are_within_a_right_angle(x in -1.0..1.0f64, y in -1.0..1.0f64, z in -1.0..1.0f64, r in 50.001e3..7e6f64) {
+            let direction = Vector3::new(x, y, z);
+            prop_assume!(direction.norm() > 1e-3);
+            prop_assert!(Geodetic::from_ecef(&(direction.normalize() * r)).is_valid());
+        }
+
+        #[test]
+        fn the_middle_of_the_earth_is_no_place(x in -2.8e4..2.8e4f64, y in -2.8e4..2.8e4f64, z in -2.8e4..2.8e4f64) {
+            prop_assert!(!Geodetic::from_ecef(&Vector3::new(x, y, z)).is_valid());
+        }
+
         #[test]
         fn offset_there_and_back(at in anywhere(), n in -50.0..50.0f64, e in -50.0..50.0f64, d in -50.0..50.0f64) {
             let dp = Vector3::new(n, e, d);
@@ -226,6 +249,18 @@ mod tests {
         // What is on it already is not touched.
         assert_eq!(at(14.4), 14.4f64.to_radians().to_degrees());
         assert_eq!(at(180.0), 180.0);
+    }
+
+    #[test]
+    fn no_fix_is_no_place() {
+        // What receivers give for it, and near it.
+        for r_e in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1000.0, 0.0, 1000.0]] {
+            let at = Geodetic::from_ecef(&Vector3::from(r_e));
+            assert!(at.latitude.is_nan() && at.height.is_nan(), "{at:?}");
+        }
+        // The axis is no exception: a pole has any longitude.
+        let pole = Geodetic::from_ecef(&Vector3::new(0.0, 0.0, -SEMI_MINOR_AXIS));
+        assert!((pole.latitude_deg() + 90.0).abs() < 1e-12 && pole.height.abs() < 1e-8);
     }
 
     #[test]

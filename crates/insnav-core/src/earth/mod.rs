@@ -9,6 +9,6 @@ pub use ellipsoid::{
     EARTH_RATE, ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS,
     meridian_radius, transverse_radius,
 };
-pub use geodetic::{Geodetic, LocalFrame};
+pub use geodetic::{Geodetic, LocalFrame, NO_LATITUDE_WITHIN};
 pub use gravity::{gravity, gravity_gradient};
 pub use rates::{LocalEarth, earth_rate_n, transport_rate_n};

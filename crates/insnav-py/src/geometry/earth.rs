@@ -2,6 +2,7 @@
 
 use super::rows::{Rows, by_rows, over, vector};
 use crate::failure::{Failure, fail};
+use insnav_core::attitude::wrap_angle;
 use insnav_core::earth::{self, Geodetic};
 use nalgebra::Vector3;
 use pyo3::prelude::*;
@@ -256,11 +257,22 @@ pub(crate) fn to_ecef<'py>(position: &Bound<'py, PyAny>) -> Array<'py> {
 /// -------
 /// (..., 3)
 ///     Latitude and longitude, rad, and height above the ellipsoid, m.
+///
+/// Raises
+/// ------
+/// ArgumentError
+///     ``bad_value``: a row within 50 km of the Earth's centre, where more than one latitude fits: that of a receiver without a fix.
 #[pyfunction]
 pub(crate) fn from_ecef<'py>(r_e: &Bound<'py, PyAny>) -> Array<'py> {
     let py = r_e.py();
     let r = Rows::vectors("r_e", r_e).map_err(fail(py))?;
     r.finite().map_err(fail(py))?;
+    r.check_or(
+        |row| vector(row).norm() >= earth::NO_LATITUDE_WITHIN,
+        "positions 50 km and more from the Earth's centre",
+        "drop the rows without a fix, for which receivers give zeros",
+    )
+    .map_err(fail(py))?;
     over(py, [&r], &[3], |[r]| {
         of_geodetic(&Geodetic::from_ecef(&vector(r)))
     })
@@ -298,14 +310,19 @@ pub(crate) fn ned_to_ecef<'py>(position: &Bound<'py, PyAny>) -> Array<'py> {
 /// Returns
 /// -------
 /// (..., 3)
-///     Latitude and longitude, rad, and height, m.
+///     Latitude and longitude, rad, and height, m. Beyond the date line longitude goes on from the other side.
 #[pyfunction]
 pub(crate) fn offset<'py>(position: &Bound<'py, PyAny>, dp_n: &Bound<'py, PyAny>) -> Array<'py> {
     let py = position.py();
     let p = positions("position", position).map_err(fail(py))?;
     let d = Rows::vectors("dp_n", dp_n).map_err(fail(py))?;
     over(py, [&p, &d], &[3], |[p, d]| {
-        of_geodetic(&geodetic(p).offset(&vector(d)))
+        let mut there = geodetic(p).offset(&vector(d));
+        // What is on the map already keeps its bits.
+        if there.longitude.abs() > std::f64::consts::PI {
+            there.longitude = wrap_angle(there.longitude);
+        }
+        of_geodetic(&there)
     })
 }
 
@@ -397,6 +414,11 @@ impl LocalFrame {
         let py = ned.py();
         let d = Rows::vectors("ned", ned).map_err(fail(py))?;
         d.finite().map_err(fail(py))?;
+        d.check(
+            |row| self.0.to_geodetic(&vector(row)).is_valid(),
+            "places 50 km and more from the Earth's centre",
+        )
+        .map_err(fail(py))?;
         over(py, [&d], &[3], |[d]| {
             of_geodetic(&self.0.to_geodetic(&Vector3::from_column_slice(d)))
         })

@@ -66,6 +66,16 @@ impl<'py> Rows<'py> {
         rule: impl Fn(&[f64]) -> bool,
         expected: &str,
     ) -> Result<(), Failure> {
+        self.check_or(rule, expected, "")
+    }
+
+    /// Refuse the first row that does not obey, and say what to do about it.
+    pub(crate) fn check_or(
+        &self,
+        rule: impl Fn(&[f64]) -> bool,
+        expected: &str,
+        remedy: &str,
+    ) -> Result<(), Failure> {
         let values = self.array.values();
         let width = self.width.max(1);
         match values.chunks_exact(width).position(|row| !rule(row)) {
@@ -86,7 +96,7 @@ impl<'py> Rows<'py> {
                     &self.name,
                     received,
                     expected,
-                    "",
+                    remedy,
                 ))
             }
         }
