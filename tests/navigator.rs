@@ -573,48 +573,60 @@ fn clock_differences_are_taken_out() {
     }
 }
 
-/// A measurement that cannot be used is an error, and neither the interval nor what waits behind it is lost.
+/// A measurement that cannot be used is an error, one that cannot be is told, and neither the interval nor what waits behind it is
+/// lost.
 #[test]
 fn a_bad_measurement_costs_itself_only() {
     let simulation = drive(10.0, 100.0, ImuOutput::Rates);
     let clean = run(start(&simulation), &simulation.samples);
     let begin = simulation.trajectory.start();
-    let bad = |time| {
-        let mut covariance = Matrix3::identity() * 4.0;
-        // A correlation beyond 1.
-        (covariance[(0, 1)], covariance[(1, 0)]) = (1e6, 1e6);
-        Sample::GnssPosition(GnssPosition {
-            time,
-            position: Geodetic::default(),
-            covariance_n: Some(covariance),
-        })
+    let with = |bad: [GnssPosition; 2]| {
+        let mut samples = simulation.samples.clone();
+        samples.extend(bad.map(Sample::GnssPosition));
+        samples.sort_by_key(|s| s.time());
+        let mut navigator = start(&simulation);
+        let mut record = Record::default();
+        let mut errors: Vec<Error> = samples
+            .iter()
+            .filter_map(|s| navigator.step(s, &mut record).err())
+            .collect();
+        errors.extend(navigator.finish(&mut record).err());
+        assert_eq!(record.epochs, clean.epochs);
+        assert_eq!(record.updates, clean.updates);
+        (errors, record.events)
     };
-    let mut samples = simulation.samples.clone();
-    samples.push(bad(begin.plus(5.0)));
-    samples.push(bad(begin.plus(9.9)));
-    samples.sort_by_key(|s| s.time());
-    let mut navigator = start(&simulation);
-    let mut record = Record::default();
-    let mut errors: Vec<Error> = samples
+    // One on the way, one that waits in the horizon until the end.
+    let times = [5.0, 9.9].map(|after| begin.plus(after));
+    let mut covariance = Matrix3::identity() * 4.0;
+    let position = Geodetic {
+        // Finite, but the way there is not.
+        longitude: 1e305,
+        ..Geodetic::default()
+    };
+    let (errors, events) = with(times.map(|time| GnssPosition {
+        time,
+        position,
+        covariance_n: Some(covariance),
+    }));
+    let what = "gnss_position";
+    assert_eq!(errors, times.map(|time| Error::NotFinite { what, time }));
+    assert_eq!(events, clean.events);
+    // A correlation beyond 1.
+    (covariance[(0, 1)], covariance[(1, 0)]) = (1e6, 1e6);
+    let (errors, events) = with(times.map(|time| GnssPosition {
+        time,
+        position: Geodetic::default(),
+        covariance_n: Some(covariance),
+    }));
+    assert_eq!(errors, []);
+    let told: Vec<(Time, &str)> = events
         .iter()
-        .filter_map(|s| navigator.step(s, &mut record).err())
+        .filter_map(|e| match e {
+            Event::Impossible { time, what, .. } => Some((*time, *what)),
+            _ => None,
+        })
         .collect();
-    errors.extend(navigator.finish(&mut record).err());
-    assert_eq!(errors.len(), 2, "{errors:?}");
-    for (error, after) in errors.iter().zip([5.0, 9.9]) {
-        let Error::NotPositiveDefinite {
-            measurement,
-            time,
-            pivot,
-        } = error
-        else {
-            panic!("{error}");
-        };
-        assert_eq!((*measurement, *time), ("gnss_position", begin.plus(after)));
-        assert!(*pivot < 0.0);
-    }
-    assert_eq!(record.epochs, clean.epochs);
-    assert_eq!(record.updates, clean.updates);
+    assert_eq!(told, times.map(|time| (time, "GNSS position covariance")));
 }
 
 /// Rejected until patience ends, then taken with a covariance that just passes.
@@ -749,4 +761,56 @@ fn aiding_after_the_end_is_told() {
         .count();
     assert!(behind > 0);
     assert_eq!(told, behind);
+}
+
+/// A vehicle that stands to the end: the run begins in `finish`, which catches up with all of it.
+#[test]
+fn a_measurement_that_fails_costs_nothing_else_of_a_run_that_begins_at_its_end() {
+    let mut scenario = Scenario::standing(20.0, 40.0);
+    scenario.imu.rate_hz = 50.0;
+    let samples = scenario.simulate(1).expect("a ready scenario").samples;
+    let (whole, outcome) = late_run(&samples);
+    outcome.expect("good samples");
+    assert_eq!(
+        whole.epochs.len(),
+        samples.iter().filter(|s| s.is_inertial()).count()
+    );
+    let fixes: Vec<usize> = (0..samples.len())
+        .filter(|&i| matches!(samples[i], Sample::GnssPosition(_)))
+        .collect();
+    assert!(fixes.len() > 10);
+    for at in [fixes[1], fixes[fixes.len() / 2], fixes[fixes.len() - 1]] {
+        let mut bad = samples.clone();
+        let without: Vec<Sample> = [&samples[..at], &samples[at + 1..]].concat();
+        let (without, outcome) = late_run(&without);
+        outcome.expect("good samples");
+        // Finite, but the way there is not.
+        if let Sample::GnssPosition(fix) = &mut bad[at] {
+            fix.position.longitude = 1e305;
+        }
+        let (record, outcome) = late_run(&bad);
+        let time = samples[at].time();
+        let what = "gnss_position";
+        assert_eq!(outcome, Err(Error::NotFinite { what, time }));
+        // The attitude of the start is found from the same inertial samples; only that fix is missing.
+        assert!(
+            record
+                .epochs
+                .iter()
+                .map(|e| e.nav.time)
+                .eq(whole.epochs.iter().map(|e| e.nav.time))
+        );
+        assert_eq!(record.updates.len(), without.updates.len());
+    }
+}
+
+/// All of it in `finish`: what came out, and whether anything could not be used.
+fn late_run(samples: &[Sample]) -> (Record, Result<(), Error>) {
+    let noise = ImuGrade::Consumer.noise();
+    let mut navigator = Navigator::new(&Config::default(), noise).expect("valid settings");
+    let mut record = Record::default();
+    feed(&mut navigator, samples, &mut record);
+    assert_eq!(record, Record::default(), "it waits for a heading");
+    let outcome = navigator.finish(&mut record);
+    (record, outcome)
 }

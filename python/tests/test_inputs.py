@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import threading
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -227,6 +228,70 @@ def test_negative_sigmas_of_one_step_are_refused(sigma: Any) -> None:
         navigator.step_gnss_velocity(0.0, (1.0, 0.0, 0.0), sigma)
 
 
+# A correlation of 1.5, and a matrix of which only one half was filled.
+CROSSED = [[2.0, 3.0, 0.0], [3.0, 2.0, 0.0], [0.0, 0.0, 9.0]]
+ONE_HALF = [[2.0, 1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 9.0]]
+
+
+@pytest.mark.parametrize("kind", ["gnss_position", "gnss_velocity"])
+@pytest.mark.parametrize(("matrix", "words"), [(CROSSED, "the variance -1.000e0"), (ONE_HALF, "not symmetric")])
+def test_a_matrix_that_is_no_covariance_is_refused_by_row_and_time(
+    arrays: dict[str, Any], kind: str, matrix: Any, words: str, tmp_path: Path
+) -> None:
+    t = arrays[kind][0]
+    covariance = np.tile(np.diag([0.25, 0.25, 1.0]), (len(t), 1, 1))
+    covariance[7] = matrix
+    given: Any = with_column(arrays, kind, 2, covariance)
+    for use in (
+        lambda: insnav.run(given, CONFIG),
+        lambda: insnav.Navigator(CONFIG).batch(given),
+        lambda: insnav.write_mcap(tmp_path / "bad.mcap", given),
+    ):
+        with pytest.raises(insnav.ArgumentError) as caught:
+            use()
+        error = caught.value
+        assert error.code == "not_a_covariance" and error.time_ns == round(1e9 * t[7])
+        assert f"{kind}: sigma_n_m" in str(error) and f"[7] at {t[7]:.6f} s: " in str(error) and words in str(error)
+        assert "NaN where it is not known" in str(error.remedy)
+    # What is not known is no error, nor is a correlation of 1 that single precision has rounded.
+    covariance[7] = np.nan
+    covariance[8] = np.array([[0.3, 0.3, 0.0], [0.3, 0.3, 0.0], [0.0, 0.0, 1.0]], "f4") * np.float32(1 / 3)
+    insnav.Navigator(CONFIG).batch(with_column(arrays, kind, 2, covariance.astype("f4")))
+
+
+def test_a_matrix_of_one_step_that_is_no_covariance_is_refused() -> None:
+    navigator = insnav.Navigator(CONFIG)
+    for step in (navigator.step_gnss_position, navigator.step_gnss_velocity):
+        with pytest.raises(insnav.ArgumentError, match="sigma_n_m.*: a matrix in which a direction has the variance") as caught:
+            step(0.0, (50.0, 14.0, 300.0), CROSSED)
+        assert caught.value.code == "not_a_covariance"
+        step(0.0, (50.0, 14.0, 300.0), np.diag([1.0, 2.0, 3.0]))
+
+
+def test_impossible_values_are_not_called_not_finite(arrays: dict[str, Any]) -> None:
+    t, p, sigma = arrays["gnss_position"]
+    p = np.array(p)
+    p[30, 0] = 120.0
+    with pytest.warns(insnav.InsnavWarning, match="1 sample with a value that cannot be was not used") as caught:
+        one = insnav.run(with_column(arrays, "gnss_position", 1, p), CONFIG)
+    (message,) = [str(w.message) for w in caught if "cannot be" in str(w.message)]
+    assert f"the first at {t[30]:.3f} s: GNSS position has a latitude beyond ±90°" in message
+    assert not any("NaN" in str(w.message) for w in caught)
+    assert len(one) == len(insnav.run(arrays, CONFIG))
+    # Two antennas: below zero is refused as of a fix; zero, which nothing has, is told.
+    with pytest.raises(insnav.ArgumentError) as refused:
+        insnav.run({**arrays, "heading": ([1.0, 2.0], [40.0, 40.0], [1.0, -1.0])}, CONFIG)
+    assert refused.value.code == "bad_value" and "heading: sigma_deg[1]: -1" in str(refused.value)
+    navigator = insnav.Navigator(CONFIG)
+    with pytest.raises(insnav.ArgumentError, match="sigma_deg: -1"):
+        navigator.step_heading(1.0, 40.0, -1.0)
+    navigator.step_heading(1.0, 40.0, 0.0)
+    navigator.step_heading(1.0, 40.0, np.nan)
+    navigator.step_gnss_position(2.0, (120.0, 14.0, 300.0), 1.0)
+    told = [(e.kind, e.details["what"]) for e in navigator.take_events()]
+    assert told == [("impossible", "heading sigma"), ("not_finite", "heading sigma"), ("impossible", "GNSS position")]
+
+
 # Instants -------------------------------------------------------------------------------------------------------------
 
 
@@ -277,6 +342,56 @@ def test_stamps_of_samples_may_be_dates_everywhere() -> None:
         with pytest.raises(insnav.ArgumentError, match="t: .*expected a finite time") as caught:
             by_dates.step(odd, rate, force)  # type: ignore[arg-type]
         assert (caught.value.code, caught.value.argument) == ("not_finite", "t")
+
+
+UNIX_MS = 1.7e12
+
+
+def state_at(time_s: float) -> NavState:
+    return NavState.from_degrees(50.0, 14.0, 300.0, time_s=time_s)
+
+
+def filter_of() -> insnav.Eskf:
+    return insnav.Eskf(state_at(0.0), "industrial", position_sigma=1.0, velocity_sigma=0.1, attitude_sigma=0.01)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        state_at,
+        lambda t: NavState([0.5, 0.1, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], time_s=t),
+        lambda t: filter_of().update_zero_velocity(sigma=1.0, time_s=t),
+        lambda t: insnav.Navigator().step_imu(t, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8)),
+        lambda t: insnav.Navigator().step_gnss_position(t, (50.0, 14.0, 300.0)),
+        lambda t: insnav.Navigator().step_speed(t, 1.0),
+        lambda t: insnav.Navigator().step_imu(int(t), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8)),
+        lambda t: insnav.Navigator().batch({"speed": ([0.0, t], [1.0, 1.0])}),
+        lambda t: stationary.StopDetector(CONFIG).step(t, np.zeros(3), np.array([0.0, 0.0, -9.8])),
+        lambda t: insnav.AttitudeFilter().step(t, np.zeros(3), np.array([0.0, 0.0, -9.8])),
+        lambda t: insnav.Navigator(CONFIG, start=start(drive(5.0), time_s=t)),
+        lambda t: insnav.run(drive(5.0).arrays(np.random.default_rng(0)), CONFIG, start=start(drive(5.0), time_s=t)),
+    ],
+)
+def test_milliseconds_since_1970_are_refused_wherever_seconds_are_taken(use: Any) -> None:
+    """They are beyond what 64 bits of nanoseconds hold, which ends in 2262; those of today are not."""
+    with pytest.raises(insnav.ArgumentError, match="1.7e12 s: more than 290 years") as caught:
+        use(UNIX_MS)
+    assert caught.value.code == "bad_time" and "milliseconds / 1e3" in str(caught.value.remedy)
+    with pytest.raises(insnav.ArgumentError, match="more than 290 years"):
+        use(-UNIX_MS)
+
+
+def test_seconds_of_today_are_kept_and_beyond_the_clock_with_a_zero_are_refused() -> None:
+    assert state_at(1.7e9).time_s == 1.7e9
+    t0_ns = 1_700_000_000_000_000_000
+    navigator = insnav.Navigator(t0_ns=t0_ns)
+    sample = (0.0, 0.0, 0.0), (0.0, 0.0, -9.8)
+    navigator.step_imu(7.5e9, *sample)
+    with pytest.raises(insnav.ArgumentError, match=f"time_s = 8e9 s from t0_ns = {t0_ns}: beyond") as caught:
+        navigator.step_imu(8e9, *sample)
+    assert caught.value.code == "bad_time"
+    with pytest.raises(insnav.ArgumentError, match="imu: time_s = 8e9 s from t0_ns"):
+        insnav.run({"imu": ([0.0, 8e9], np.zeros((2, 3)), np.zeros((2, 3))), "t0_ns": t0_ns})
 
 
 # Threads --------------------------------------------------------------------------------------------------------------

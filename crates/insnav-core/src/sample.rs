@@ -1,5 +1,9 @@
 //! What goes into a navigator: plain measurements in SI units, inside frames (NED, forward-right-down).
 
+mod unfit;
+
+pub use unfit::{Unfit, is_covariance};
+
 use crate::{earth::Geodetic, time::Time};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -149,53 +153,5 @@ impl Sample {
     /// True for the two inertial kinds.
     pub fn is_inertial(&self) -> bool {
         matches!(self, Sample::Imu(_) | Sample::ImuIncrement(_))
-    }
-
-    /// `Err` with the name of the quantity that has a NaN, an infinity or a value without meaning in it: a heading's sigma of
-    /// zero, a position at a pole.
-    ///
-    /// The Down component of a GNSS velocity may be NaN ("horizontal only").
-    pub fn check_finite(&self) -> Result<(), &'static str> {
-        let finite = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
-        let covariance =
-            |c: &Option<Matrix3<f64>>| c.is_none_or(|c| c.iter().all(|x| x.is_finite()));
-        let checks: [(bool, &'static str); 2] = match self {
-            Sample::Imu(s) => [
-                (finite(&s.angular_rate_b), "angular rate"),
-                (finite(&s.specific_force_b), "specific force"),
-            ],
-            Sample::ImuIncrement(s) => [
-                (finite(&s.angle_b), "angle increment"),
-                (finite(&s.velocity_b), "velocity increment"),
-            ],
-            Sample::GnssPosition(s) => [
-                // At the poles themselves there is no north.
-                (
-                    s.position.is_valid()
-                        && s.position.latitude.abs() < core::f64::consts::FRAC_PI_2,
-                    "GNSS position",
-                ),
-                (covariance(&s.covariance_n), "GNSS position covariance"),
-            ],
-            Sample::GnssVelocity(s) => [
-                (
-                    s.velocity_n.xy().iter().all(|x| x.is_finite())
-                        && !s.velocity_n.z.is_infinite(),
-                    "GNSS velocity",
-                ),
-                (covariance(&s.covariance_n), "GNSS velocity covariance"),
-            ],
-            Sample::Heading(s) => [
-                (s.heading.is_finite(), "heading"),
-                (s.sigma.is_finite() && s.sigma > 0.0, "heading sigma"),
-            ],
-            Sample::Standstill(_) => [(true, "standstill"); 2],
-            Sample::Speed(s) => [(s.speed.is_finite(), "speed"); 2],
-            Sample::Magnetic(s) => [(finite(&s.field_b), "magnetic field"); 2],
-        };
-        checks
-            .iter()
-            .find(|(ok, _)| !ok)
-            .map_or(Ok(()), |(_, what)| Err(what))
     }
 }

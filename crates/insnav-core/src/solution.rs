@@ -5,6 +5,7 @@ use crate::attitude::Euler;
 use crate::filter::Update;
 use crate::imu::ImuErrors;
 use crate::mechanization::NavState;
+use crate::sample::Unfit;
 use crate::stationary::{Evidence, StopRecord};
 use crate::time::Time;
 #[cfg(not(feature = "std"))]
@@ -148,6 +149,26 @@ pub enum Event {
         /// Which kind.
         what: &'static str,
     },
+    /// A sample with a finite value that cannot be was not used: a latitude beyond ±90°, a covariance that is none, a sigma of
+    /// zero.
+    Impossible {
+        /// Its stamp.
+        time: Time,
+        /// Which quantity.
+        what: &'static str,
+        /// What is wrong with it.
+        why: &'static str,
+    },
+}
+
+impl Event {
+    /// A sample was not used for what it is.
+    pub(crate) fn unfit(time: Time, unfit: Unfit) -> Self {
+        match unfit {
+            Unfit::NotFinite { what } => Event::NotFinite { time, what },
+            Unfit::Impossible { what, why } => Event::Impossible { time, what, why },
+        }
+    }
 }
 
 /// Why a stop was not looked at as a whole.

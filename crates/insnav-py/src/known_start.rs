@@ -1,6 +1,6 @@
 //! A start as the user knows it → what the plan takes.
 
-use crate::arrays::Argument;
+use crate::arrays::{Argument, MOST_SECONDS, too_far};
 use crate::failure::{Failure, fail};
 use insnav_core::attitude::Euler;
 use insnav_core::earth::Geodetic;
@@ -127,6 +127,9 @@ pub(crate) fn known_start(given: &Bound<'_, PyAny>) -> PyResult<KnownStart> {
             )
             .about("start: time_s", "not finite", "seconds"),
         ));
+    }
+    if let Some(t) = time_s.filter(|t| t.abs() > MOST_SECONDS) {
+        return Err(fail(too_far("start: time_s", "", t)));
     }
     let p = finite(POSITION)?;
     let position = Geodetic::from_degrees(p.x, p.y, p.z);

@@ -16,7 +16,8 @@ class Event:
         When, on the scale of the samples, s.
     kind : str
         ``"started"``, ``"stop_began"``, ``"stop_ended"``, ``"stop_not_fused"``, ``"imu_gap"``, ``"position_reset"``; samples that were not
-        used: ``"too_late"``, ``"after_end"``, ``"duplicate_imu"``, ``"not_finite"``; standing that was declared in vain:
+        used: ``"too_late"``, ``"after_end"``, ``"duplicate_imu"``, ``"not_finite"``, ``"impossible"`` (a finite value that cannot be,
+        such as a latitude of 120 degrees; ``details`` say ``what`` and ``why``); standing that was declared in vain:
         ``"standstill_contradicted"``, ``"standstill_flaps"``.
     details : dict
         Its numbers, with units in their names.

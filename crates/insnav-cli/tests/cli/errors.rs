@@ -4,6 +4,7 @@ use crate::fixture::{
     Folder, Raw, drive, insnav, insnav_json, recordings, rewrite, shift_stamp, write_log,
 };
 use insnav_core::sample::Sample;
+use nalgebra::Matrix3;
 
 fn only(kind: fn(&Sample) -> bool) -> Vec<Sample> {
     drive().samples.iter().copied().filter(kind).collect()
@@ -168,6 +169,58 @@ fn some_nan_samples_are_left_out_and_counted() {
             .unwrap()
             .is_finite()
     );
+}
+
+#[test]
+fn an_impossible_covariance_is_told_as_such_and_costs_one_sample() {
+    let folder = Folder::new();
+    let mut samples = drive().samples.clone();
+    let fix = samples
+        .iter_mut()
+        .filter_map(|s| match s {
+            Sample::GnssPosition(fix) => Some(fix),
+            _ => None,
+        })
+        .nth(30)
+        .expect("many fixes");
+    let at = fix.time.since(drive().trajectory.start());
+    // A correlation of 1.5.
+    fix.covariance_n = Some(Matrix3::new(2.0, 3.0, 0.0, 3.0, 2.0, 0.0, 0.0, 0.0, 9.0));
+    write_log(&folder.path("bad.mcap"), &samples);
+    write_log(&folder.path("clean.mcap"), &drive().samples);
+    let run = |name: &str| {
+        let done = insnav_json(["run", &folder.text(name)]);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        done.json()
+    };
+    let (bad, clean) = (run("bad.mcap"), run("clean.mcap"));
+    let told = |json: &serde_json::Value, code: &str| {
+        let warnings = json["warnings"].as_array().expect("a list").clone();
+        let one = warnings.into_iter().find(|w| w["code"] == code);
+        one.map(|w| w["message"].as_str().expect("text").to_owned())
+    };
+    let message = told(&bad, "impossible_values").expect("a warning");
+    for part in [
+        "1 sample with a value that cannot be was not used",
+        &format!("the first at {at:.3} s: GNSS position covariance is none"),
+        "correlation beyond",
+    ] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    assert_eq!(told(&bad, "not_finite"), None);
+    assert_eq!(told(&bad, "unusable_samples"), None);
+    assert_eq!(told(&clean, "impossible_values"), None);
+    assert_eq!(bad["final"]["time_s"], clean["final"]["time_s"]);
+    let used = |json: &serde_json::Value| {
+        let aiding = json["aiding"].as_array().expect("a list");
+        let of = aiding.iter().find(|a| a["name"] == "gnss_position");
+        let of = of.expect("positions");
+        ["used", "rejected", "inflated", "reset", "frozen"]
+            .iter()
+            .map(|key| of[key].as_u64().unwrap_or(0))
+            .sum::<u64>()
+    };
+    assert_eq!(used(&bad) + 1, used(&clean));
 }
 
 #[test]

@@ -290,11 +290,8 @@ impl Navigator {
         if !self.gnss && matches!(sample, Sample::GnssPosition(_) | Sample::GnssVelocity(_)) {
             return Ok(());
         }
-        if let Err(what) = sample.check_finite() {
-            sink.event(&Event::NotFinite {
-                time: sample.time(),
-                what,
-            });
+        if let Err(unfit) = sample.check() {
+            sink.event(&Event::unfit(sample.time(), unfit));
             return Ok(());
         }
         #[cfg(feature = "std")]
@@ -315,14 +312,17 @@ impl Navigator {
     /// Use everything that still waits. Call it once, after the last sample.
     ///
     /// # Errors
-    /// `NotStarted` when the log ended before a position was known; errors of the measurement models.
+    /// `NotStarted` when the log ended before a position was known; errors of the measurement models, the first of them, when all
+    /// other samples have been used.
     pub fn finish(&mut self, sink: &mut impl Sink) -> Result<()> {
+        let mut outcome = Ok(());
         #[cfg(feature = "std")]
         if let Stage::Starting(startup) = &mut self.stage {
             let alignment = startup.align_with_what_there_is()?;
-            self.begin(alignment, sink)?;
+            // A run that begins only now has its last second in the horizon, whatever a measurement before it was.
+            outcome = self.begin(alignment, sink);
         }
-        let mut outcome = self.drain(true, sink);
+        outcome = outcome.and(self.drain(true, sink));
         if let Stage::Running(filter) = &mut self.stage {
             outcome = outcome.and(self.standing.end(StopEnd::End, filter, sink));
         }

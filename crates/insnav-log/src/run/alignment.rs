@@ -438,7 +438,7 @@ fn record(
     let mut input = "rates";
     for sample in source.samples()? {
         let sample = sample?;
-        if sample.check_finite().is_err() {
+        if sample.check().is_err() {
             continue;
         }
         let later = builder

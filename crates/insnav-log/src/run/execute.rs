@@ -348,10 +348,30 @@ fn findings<S: SolutionSink>(
         warn(
             "not_finite",
             format!(
-                "{} samples with NaN or infinity in them were not used, the first at {:.3} s: {}",
-                e.not_finite, e.first_not_finite_s, tally.totals.first_not_finite
+                "{} with NaN or infinity in {} not used, the first at {:.3} s: {}",
+                samples(e.not_finite),
+                if e.not_finite == 1 {
+                    "it was"
+                } else {
+                    "them were"
+                },
+                e.first_not_finite_s,
+                tally.totals.first_not_finite
             ),
             "check the driver",
+        );
+    }
+    if e.impossible > 0 {
+        warn(
+            "impossible_values",
+            format!(
+                "{} with a value that cannot be {} not used, the first at {:.3} s: {}",
+                samples(e.impossible),
+                if e.impossible == 1 { "was" } else { "were" },
+                e.first_impossible_s,
+                tally.totals.first_impossible
+            ),
+            "check the driver that gives them",
         );
     }
     if e.not_fused > 0 {
@@ -452,6 +472,13 @@ fn findings<S: SolutionSink>(
 }
 
 /// How often.
+fn samples(n: usize) -> String {
+    match n {
+        1 => "1 sample".into(),
+        n => format!("{n} samples"),
+    }
+}
+
 pub(super) fn times(n: usize) -> String {
     match n {
         1 => "once".into(),

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// First bytes of a file.
 const MAGIC: &[u8; 16] = b"insnav run state";
 /// Changes with every change of what follows.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Magic, version, program, settings, length.
 const HEADER: usize = 16 + 4 + 4 + 4 + 8;
 

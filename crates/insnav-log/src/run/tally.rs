@@ -75,6 +75,9 @@ pub(super) struct EventCounts {
     pub(super) duplicates: usize,
     pub(super) not_finite: usize,
     pub(super) first_not_finite_s: f64,
+    /// Samples with a finite value that cannot be.
+    pub(super) impossible: usize,
+    pub(super) first_impossible_s: f64,
     pub(super) flaps: usize,
     pub(super) first_flap_s: f64,
     /// Stops that batch mode did not look at as a whole.
@@ -107,6 +110,8 @@ pub(super) struct Totals {
     pub(super) events: EventCounts,
     /// What the first sample was that is not finite.
     pub(super) first_not_finite: String,
+    /// What the first impossible value was, and what is wrong with it.
+    pub(super) first_impossible: String,
     /// Why the first stop that was to be looked at as a whole was not.
     pub(super) first_not_fused: String,
     pub(super) resets: Vec<ResetReport>,
@@ -280,6 +285,13 @@ impl<S: Sink> Sink for Tally<'_, S> {
                     totals.first_not_finite = (*what).to_owned();
                 }
                 totals.events.not_finite += 1;
+            }
+            Event::Impossible { time, what, why } => {
+                if totals.events.impossible == 0 {
+                    totals.events.first_impossible_s = time.since(self.origin);
+                    totals.first_impossible = format!("{what} {why}");
+                }
+                totals.events.impossible += 1;
             }
             Event::StopBegan { begin, .. } => {
                 let recent = &mut totals.recent_way;

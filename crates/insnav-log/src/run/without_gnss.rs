@@ -33,8 +33,8 @@ pub(super) fn look_for_rest(
     let mut first = None;
     for sample in source.samples()? {
         let sample = sample?;
-        // The navigator tells what is not finite, and leaves it out.
-        if sample.check_finite().is_err() {
+        // The navigator tells what nobody can use, and leaves it out.
+        if sample.check().is_err() {
             continue;
         }
         if sample.is_inertial() {

@@ -1,7 +1,7 @@
 //! Alignment of a record of inertial data, with all that the core lets one ask.
 
 use super::found;
-use crate::arrays::Argument;
+use crate::arrays::{Argument, MOST_SECONDS, too_far};
 use crate::failure::{Failure, fail};
 use crate::interrupt::{Stop, interruptible};
 use crate::pickle;
@@ -237,7 +237,13 @@ pub(super) fn stated_noise(config: &Bound<'_, PyAny>) -> PyResult<ImuNoise> {
 
 /// Shape (k, 2): begin and end of each stop, s.
 pub(super) fn windows(stops: &Bound<'_, PyAny>) -> Result<Vec<[f64; 2]>, Failure> {
-    Argument::new("stops", stops).pairs()
+    let pairs = Argument::new("stops", stops).pairs()?;
+    for (row, pair) in pairs.iter().enumerate() {
+        if let Some(seconds) = pair.iter().find(|s| s.abs() > MOST_SECONDS) {
+            return Err(too_far("stops", &format!("[{row}]"), *seconds));
+        }
+    }
+    Ok(pairs)
 }
 
 /// A heading has a sigma, or there is none of both.

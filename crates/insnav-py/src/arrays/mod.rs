@@ -8,6 +8,7 @@ mod times;
 mod vectors;
 
 pub(crate) use made::{bools, matrices, matrix, rows, scalars, square_stack};
+pub(crate) use times::{MOST_SECONDS, counted_from, too_far};
 
 use crate::failure::Failure;
 use numpy::{

@@ -8,7 +8,37 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList};
 
 /// What 64 bits of nanoseconds hold, s.
-const MOST_SECONDS: f64 = 9.2e9;
+pub(crate) const MOST_SECONDS: f64 = 9.2e9;
+
+/// Seconds that no stamp holds. `place`: the row, where there are many.
+pub(crate) fn too_far(name: &str, place: &str, seconds: f64) -> Failure {
+    Failure::new(
+        "bad_time",
+        format!("{name}{place} = {seconds:e} s: more than 290 years"),
+        "give seconds (milliseconds / 1e3, nanoseconds / 1e9), or datetime64[ns]",
+    )
+    .about(name, format!("{seconds:e}"), "seconds")
+}
+
+/// An instant whose seconds count from `zero`, on the clock on which that is.
+#[inline]
+pub(crate) fn counted_from(zero: Time, name: &str, time: Time) -> Result<Time, Failure> {
+    match time.0.checked_add(zero.0) {
+        Some(sum) => Ok(Time(sum)),
+        None => Err(past_the_clock(zero, name, time)),
+    }
+}
+
+#[cold]
+fn past_the_clock(zero: Time, name: &str, time: Time) -> Failure {
+    let (seconds, zero) = (time.0 as f64 / 1e9, zero.0);
+    Failure::new(
+        "bad_time",
+        format!("{name} = {seconds:e} s from t0_ns = {zero}: beyond the years 1677 to 2262, which stamps hold"),
+        "count seconds from t0_ns, or leave t0_ns out",
+    )
+    .about(name, format!("{seconds:e}"), "seconds from t0_ns")
+}
 
 impl<'py> Argument<'py> {
     /// One instant: seconds, or a date (`datetime64`, pandas's, Python's own), which keeps stamps of today exact.
@@ -31,10 +61,11 @@ impl<'py> Argument<'py> {
                 self.object.extract::<f64>().ok()
             }
         };
-        seconds
-            .filter(|s| s.is_finite())
-            .map(Time::from_seconds)
-            .ok_or_else(|| self.no_time())
+        match seconds.filter(|s| s.is_finite()) {
+            None => Err(self.no_time()),
+            Some(s) if s.abs() > MOST_SECONDS => Err(too_far(&self.name, "", s)),
+            Some(s) => Ok(Time::from_seconds(s)),
+        }
     }
 
     #[cold]
@@ -139,13 +170,7 @@ impl<'py> Argument<'py> {
     fn seconds(&self) -> Result<Vec<Option<Time>>, Failure> {
         let seconds = self.column(None)?;
         if let Some(row) = seconds.iter().position(|s| s.abs() > MOST_SECONDS) {
-            let (name, given) = (&self.name, seconds[row]);
-            return Err(Failure::new(
-                "bad_time",
-                format!("{name}[{row}] = {given:e} s: more than 290 years"),
-                "give seconds (milliseconds / 1e3, nanoseconds / 1e9), or datetime64[ns]",
-            )
-            .about(name, format!("{given:e}"), "seconds"));
+            return Err(too_far(&self.name, &format!("[{row}]"), seconds[row]));
         }
         Ok(seconds
             .iter()

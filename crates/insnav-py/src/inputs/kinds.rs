@@ -161,7 +161,7 @@ fn imu_increment(columns: &[Argument<'_>]) -> Result<Inertial, Failure> {
 fn gnss_position(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
     let times = columns[0].times()?;
     let positions = columns[1].vectors(times.len())?;
-    let stated = stated(columns.get(2), times.len())?;
+    let stated = stated(columns.get(2), &times)?;
     let rows = times.into_iter().zip(positions).zip(stated);
     Ok(rows
         .map(|((time, p), stated)| position_sample(time, &p, stated))
@@ -180,7 +180,7 @@ pub(crate) fn position_sample(time: Time, p: &Vector3<f64>, stated: Stated) -> S
 fn gnss_velocity(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
     let times = columns[0].times()?;
     let velocities = columns[1].vectors(times.len())?;
-    let stated = stated(columns.get(2), times.len())?;
+    let stated = stated(columns.get(2), &times)?;
     let rows = times.into_iter().zip(velocities).zip(stated);
     Ok(rows
         .map(|((time, velocity_n), stated)| velocity_sample(time, velocity_n, stated))
@@ -214,16 +214,27 @@ fn heading(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {
     let times = columns[0].times()?;
     let headings = columns[1].column(Some(times.len()))?;
     let sigmas = columns[2].column(Some(times.len()))?;
-    let rows = times.into_iter().zip(headings).zip(sigmas);
-    Ok(rows
-        .map(|((time, heading), sigma)| {
-            Sample::Heading(Heading {
-                time,
-                heading: heading.to_radians(),
-                sigma: sigma.to_radians(),
-            })
-        })
-        .collect())
+    let rows = times.into_iter().zip(headings).zip(sigmas).enumerate();
+    rows.map(|(row, ((time, heading), sigma))| {
+        heading_sample(time, heading, sigma, &columns[2].name, Some((row, time)))
+    })
+    .collect()
+}
+
+/// A heading and its sigma, degrees. `name`, `row`: those of the sigma, for messages.
+pub(crate) fn heading_sample(
+    time: Time,
+    heading_deg: f64,
+    sigma_deg: f64,
+    name: &str,
+    row: Option<(usize, Time)>,
+) -> Result<Sample, Failure> {
+    Stated::Sigma(Vector3::repeat(sigma_deg)).possible(name, row)?;
+    Ok(Sample::Heading(Heading {
+        time,
+        heading: heading_deg.to_radians(),
+        sigma: sigma_deg.to_radians(),
+    }))
 }
 
 fn standstill(columns: &[Argument<'_>]) -> Result<Vec<Sample>, Failure> {

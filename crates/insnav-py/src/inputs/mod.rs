@@ -6,13 +6,13 @@ mod kinds;
 mod source;
 mod stated;
 
-pub(crate) use kinds::{position_sample, velocity_sample};
+pub(crate) use kinds::{heading_sample, position_sample, velocity_sample};
 pub(crate) use source::{Arrays, turn};
 pub(crate) use stated::Stated;
 
 use self::kinds::{Read, STREAMS, imu};
 use self::source::Inertial;
-use crate::arrays::Argument;
+use crate::arrays::{Argument, counted_from};
 use crate::failure::{Failure, fail};
 use insnav_core::config::Config;
 use insnav_core::sample::{MagneticField, Sample};
@@ -72,15 +72,19 @@ pub(crate) fn arrays(arrays: &Bound<'_, PyMapping>, config: &Config) -> PyResult
             let dates = arguments[0].is_dates().map_err(fail)?;
             dated |= dates && origin.0 == 0;
             let shift = if dates { 0 } else { origin.0 };
-            let later = |t: Time| Time(t.0.saturating_add(shift));
+            let later = |t: Time| counted_from(Time(shift), &arguments[0].name, t);
             match stream.read {
                 Read::Inertial(read) => {
                     inertial = read(&arguments).map_err(fail)?;
-                    inertial.times.iter_mut().for_each(|t| *t = later(*t));
+                    for time in &mut inertial.times {
+                        *time = later(*time).map_err(fail)?;
+                    }
                 }
                 Read::Aiding(read) => {
                     let samples = read(&arguments).map_err(fail)?;
-                    others.extend(samples.into_iter().map(|s| s.at(later(s.time()))));
+                    for sample in samples {
+                        others.push(sample.at(later(sample.time()).map_err(fail)?));
+                    }
                 }
             }
         }

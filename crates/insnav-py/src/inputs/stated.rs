@@ -2,6 +2,8 @@
 
 use crate::arrays::Argument;
 use crate::failure::Failure;
+use insnav_core::sample::is_covariance;
+use insnav_core::time::Time;
 use nalgebra::{Matrix3, Vector3};
 
 /// What a row states of its uncertainty.
@@ -28,8 +30,15 @@ impl Stated {
 }
 
 impl Stated {
-    /// Refuses what cannot be: a standard deviation or a variance below zero. `row`: of many.
-    pub(crate) fn not_negative(self, name: &str, row: Option<usize>) -> Result<Self, Failure> {
+    /// Refuses what cannot be: a standard deviation or a variance below zero, in any direction. `row`: of many, with its stamp.
+    pub(crate) fn possible(self, name: &str, row: Option<(usize, Time)>) -> Result<Self, Failure> {
+        if let Stated::Covariance(p) = self
+            && p.iter().all(|x| x.is_finite())
+            && p.diagonal().iter().all(|variance| *variance >= 0.0)
+            && !is_covariance(&p)
+        {
+            return Err(no_covariance(name, row, &p));
+        }
         let (least, expected) = match self {
             Stated::Nothing => return Ok(self),
             Stated::Sigma(s) => (s, "standard deviations that are not negative"),
@@ -38,37 +47,71 @@ impl Stated {
         let Some(negative) = least.iter().find(|s| **s < 0.0) else {
             return Ok(self);
         };
-        let place = row.map_or_else(String::new, |row| format!("[{row}]"));
-        Err(Failure::new(
-            "bad_value",
-            format!("{name}{place}: {negative}, expected {expected}"),
-            "give NaN where it is not known",
-        )
-        .about(name, negative.to_string(), expected))
+        let place = row.map_or_else(String::new, |(row, _)| format!("[{row}]"));
+        Err(at_row(
+            Failure::new(
+                "bad_value",
+                format!("{name}{place}: {negative}, expected {expected}"),
+                "give NaN where it is not known",
+            )
+            .about(name, negative.to_string(), expected),
+            row,
+        ))
     }
 }
 
-/// Standard deviations (n, 3) or (3,), covariances (n, 3, 3), or nothing for every row.
-pub(super) fn stated(column: Option<&Argument<'_>>, rows: usize) -> Result<Vec<Stated>, Failure> {
+/// What is wrong with a matrix whose variances are none below zero.
+fn no_covariance(name: &str, row: Option<(usize, Time)>, p: &Matrix3<f64>) -> Failure {
+    let place = row.map_or_else(String::new, |(row, time)| format!("[{row}] at {time}"));
+    let symmetric = (p - p.transpose()).amax() <= 1e-6 * p.amax();
+    let received = if symmetric {
+        let least = p.symmetric_eigenvalues().min();
+        format!("a matrix in which a direction has the variance {least:.3e}")
+    } else {
+        "a matrix that is not symmetric".to_owned()
+    };
+    let expected = "a covariance: symmetric, correlations between -1 and 1";
+    let remedy =
+        "give variances on the diagonal and covariances beside it, or NaN where it is not known";
+    let message = format!("{name}{place}: {received}, expected {expected}");
+    let failure = Failure::new("not_a_covariance", message, remedy);
+    at_row(failure.about(name, received, expected), row)
+}
+
+fn at_row(failure: Failure, row: Option<(usize, Time)>) -> Failure {
+    match row {
+        Some((_, time)) => failure.at(time),
+        None => failure,
+    }
+}
+
+/// Standard deviations (n, 3) or (3,), covariances (n, 3, 3), or nothing for every row, of which `times` are the stamps.
+pub(super) fn stated(
+    column: Option<&Argument<'_>>,
+    times: &[Time],
+) -> Result<Vec<Stated>, Failure> {
+    let rows = times.len();
     let Some(column) = column else {
         return Ok(vec![Stated::Nothing; rows]);
     };
     if column.dimensions()? == 3 {
         let values = column.shaped(&[rows, 3, 3])?;
         let one = |row: &[f64]| Stated::Covariance(Matrix3::from_row_slice(row));
-        return by_row(column, values.chunks_exact(9).map(one));
+        return by_row(column, times, values.chunks_exact(9).map(one));
     }
     let sigmas = column.vectors_or_one(rows)?;
-    by_row(column, sigmas.into_iter().map(Stated::Sigma))
+    by_row(column, times, sigmas.into_iter().map(Stated::Sigma))
 }
 
 /// All of them, unless one cannot be, which is named with its row.
 fn by_row(
     column: &Argument<'_>,
+    times: &[Time],
     stated: impl Iterator<Item = Stated>,
 ) -> Result<Vec<Stated>, Failure> {
     stated
+        .zip(times)
         .enumerate()
-        .map(|(row, stated)| stated.not_negative(&column.name, Some(row)))
+        .map(|(row, (stated, time))| stated.possible(&column.name, Some((row, *time))))
         .collect()
 }

@@ -82,6 +82,9 @@ impl Told {
             }
             Event::StandstillFlaps { time } => (*time, "standstill_flaps", json!({})),
             Event::NotFinite { time, what } => (*time, "not_finite", json!({"what": what})),
+            Event::Impossible { time, what, why } => {
+                (*time, "impossible", json!({"what": what, "why": why}))
+            }
             // More kinds may come.
             other => (zero, "other", json!({"text": format!("{other:?}")})),
         };

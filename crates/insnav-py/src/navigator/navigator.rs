@@ -1,6 +1,7 @@
 //! The class: made, run over arrays, finished, looked at, kept.
 
 use super::pending::Pending;
+use crate::arrays::counted_from;
 use crate::epochs::EpochColumns;
 use crate::failure::{Failure, fail, refused};
 use crate::filter::{Eskf, imu_noise};
@@ -134,7 +135,8 @@ impl Navigator {
                         "no inertial sample is here yet that could say when",
                     )));
                 };
-                start.navigator(&config, noise, zero.plus(time_s))
+                let at = counted_from(zero, "start: time_s", Time::from_seconds(time_s));
+                start.navigator(&config, noise, at.map_err(fail(py))?)
             }
         };
         let mut core = core.map_err(refused(py, zero))?;
@@ -272,6 +274,8 @@ impl Navigator {
     /// ------
     /// AlignmentError
     ///     The data ended before the run could start.
+    /// NavigationError
+    ///     Of the samples that waited and could not be used, the first; all others have been used, and :meth:`take` has what came out.
     /// KeyboardInterrupt
     ///     Ctrl-C: the navigator is as it was before.
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {

@@ -1,6 +1,6 @@
 //! The arguments of one step → a sample, without an allocation where they are numbers, arrays, tuples or lists.
 
-use crate::arrays::Argument;
+use crate::arrays::{Argument, MOST_SECONDS, counted_from};
 use crate::failure::Failure;
 use crate::inputs::Stated;
 use insnav_core::time::Time;
@@ -12,15 +12,16 @@ use pyo3::types::{PyFloat, PyList, PyTuple};
 /// Seconds from `zero`, or a `datetime64`, which is an instant already.
 #[inline]
 pub(super) fn time(object: &Bound<'_, PyAny>, zero: Time) -> Result<Time, Failure> {
-    let later = |t: Time| Time(t.0.saturating_add(zero.0));
+    let later = |t: Time| counted_from(zero, "time_s", t);
     match object.cast::<PyFloat>() {
-        Ok(seconds) if seconds.value().is_finite() => {
-            Ok(later(Time::from_seconds(seconds.value())))
+        Ok(seconds) if seconds.value().abs() <= MOST_SECONDS => {
+            later(Time::from_seconds(seconds.value()))
         }
         _ => {
             let argument = Argument::new("time_s", object);
             let dates = argument.is_dates()?;
-            argument.instant().map(|t| if dates { t } else { later(t) })
+            let time = argument.instant()?;
+            if dates { Ok(time) } else { later(time) }
         }
     }
 }
@@ -60,7 +61,7 @@ pub(super) fn stated(name: &str, object: Option<&Bound<'_, PyAny>>) -> Result<St
         return Ok(Stated::Nothing);
     };
     if let Ok(sigma) = object.extract::<f64>() {
-        return Stated::Sigma(Vector3::repeat(sigma)).not_negative(name, None);
+        return Stated::Sigma(Vector3::repeat(sigma)).possible(name, None);
     }
     let argument = Argument::new(name, object);
     let numbers = argument.numbers()?;
@@ -68,5 +69,5 @@ pub(super) fn stated(name: &str, object: Option<&Bound<'_, PyAny>>) -> Result<St
         [3, 3] => Stated::Covariance(Matrix3::from_row_slice(numbers.values())),
         _ => Stated::Sigma(three(name, object)?),
     };
-    stated.not_negative(name, None)
+    stated.possible(name, None)
 }

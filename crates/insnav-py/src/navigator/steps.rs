@@ -3,10 +3,8 @@
 use super::navigator::{Any, Navigator, is_finished};
 use super::sample::{stated, three, time};
 use crate::failure::{Failure, fail, refused};
-use crate::inputs::{self, position_sample, velocity_sample};
-use insnav_core::sample::{
-    Heading, ImuIncrement, ImuSample, MagneticField, Sample, Speed, Standstill,
-};
+use crate::inputs::{self, heading_sample, position_sample, velocity_sample};
+use insnav_core::sample::{ImuIncrement, ImuSample, MagneticField, Sample, Speed, Standstill};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -40,8 +38,11 @@ impl Navigator {
     ///
     /// Raises
     /// ------
+    /// ArgumentError
+    ///     ``bad_time``: more seconds than a stamp holds, such as milliseconds since 1970.
     /// NavigationError
-    ///     A stamp older than the horizon; the navigator stays usable.
+    ///     A stamp older than the horizon, or a measurement that waited until now and that the filter cannot use; the navigator stays
+    ///     usable.
     #[pyo3(signature = (time_s, angular_rate_b_rad_per_s, specific_force_b_m_per_s2, /))]
     fn step_imu(
         &mut self,
@@ -106,6 +107,11 @@ impl Navigator {
     ///     Of the antenna, height above the ellipsoid.
     /// sigma_n_m : float, (3,) or (3, 3), optional
     ///     Standard deviations, north-east-down, or the covariance, m²; without them, or NaN: not known.
+    ///
+    /// Raises
+    /// ------
+    /// ArgumentError
+    ///     ``bad_value`` for a sigma below zero, ``not_a_covariance`` for a matrix that is none.
     #[pyo3(signature = (time_s, latitude_deg_longitude_deg_height_m, sigma_n_m=None, /))]
     fn step_gnss_position(
         &mut self,
@@ -135,6 +141,11 @@ impl Navigator {
     ///     Of the antenna over ground, north-east-down; down NaN: horizontal only.
     /// sigma_n_m_per_s : float, (3,) or (3, 3), optional
     ///     Standard deviations, or the covariance, m²/s²; without them, or NaN: not known.
+    ///
+    /// Raises
+    /// ------
+    /// ArgumentError
+    ///     As of :meth:`step_gnss_position`.
     #[pyo3(signature = (time_s, velocity_n_m_per_s, sigma_n_m_per_s=None, /))]
     fn step_gnss_velocity(
         &mut self,
@@ -159,6 +170,11 @@ impl Navigator {
     ///     Its instant.
     /// heading_deg, sigma_deg : float
     ///     Clockwise from true north, and its standard deviation.
+    ///
+    /// Raises
+    /// ------
+    /// ArgumentError
+    ///     ``bad_value`` for a sigma below zero.
     #[pyo3(signature = (time_s, heading_deg, sigma_deg, /))]
     fn step_heading(
         &mut self,
@@ -167,12 +183,11 @@ impl Navigator {
         heading_deg: f64,
         sigma_deg: f64,
     ) -> PyResult<()> {
-        let sample = Sample::Heading(Heading {
-            time: time(time_s, self.zero).map_err(fail(py))?,
-            heading: heading_deg.to_radians(),
-            sigma: sigma_deg.to_radians(),
-        });
-        self.push(py, &sample)
+        let make = || {
+            let time = time(time_s, self.zero)?;
+            heading_sample(time, heading_deg, sigma_deg, "sigma_deg", None)
+        };
+        self.push(py, &make().map_err(fail(py))?)
     }
 
     /// Somebody says whether the body stands, from then on.

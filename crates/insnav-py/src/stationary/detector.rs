@@ -8,7 +8,7 @@ use crate::pickle;
 use crate::settings;
 use insnav_core::config::{Config, VehicleKind};
 use insnav_core::imu::ImuGrade;
-use insnav_core::sample::{GnssVelocity, ImuSample, Sample, Speed, Standstill};
+use insnav_core::sample::{GnssVelocity, ImuSample, Sample, Speed, Standstill, Unfit};
 use insnav_core::solution::Motion;
 use insnav_core::stationary::{self, Belief, Evidence, Witness};
 use insnav_core::time::Time;
@@ -61,12 +61,13 @@ impl State {
     }
 
     fn observe(&mut self, sample: &Sample) -> Result<(), Failure> {
-        sample.check_finite().map_err(|what| {
-            Failure::new(
-                "not_finite",
-                format!("{what} at {}: is not finite", sample.time()),
-                "leave the sample out",
-            )
+        sample.check().map_err(|unfit| {
+            let (code, what, why) = match unfit {
+                Unfit::NotFinite { what } => ("not_finite", what, "is not finite"),
+                Unfit::Impossible { what, why } => ("bad_value", what, why),
+            };
+            let message = format!("{what} at {}: {why}", sample.time());
+            Failure::new(code, message, "leave the sample out")
         })?;
         let belief = self.belief();
         self.detector.observe(sample, &belief);
@@ -322,7 +323,7 @@ pub(crate) fn detect_stops<'py>(
         state.rate_covariance_b = Matrix3::from_diagonal_element(sigma * sigma);
     }
     let work = move |_: &Stop| {
-        let usable = samples.into_iter().filter(|s| s.check_finite().is_ok());
+        let usable = samples.into_iter().filter(|s| s.check().is_ok());
         let usable: Vec<Sample> = usable.collect();
         let belief = state.belief();
         stationary::detect_stops(&mut state.detector, &usable, &belief)
