@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from simulation import Drive, drive, metres_per_degree
 
 import insnav
+from insnav.sim import Scenario
 
 CONFIG: dict[str, Any] = {
     "imu": {"grade": "industrial"},
@@ -207,6 +208,46 @@ def test_time_offset_moves_the_epochs(truth: Drive) -> None:
     with pytest.warns(insnav.InsnavWarning):
         s = insnav.run(late, CONFIG)
     assert np.abs(errors_m(s, truth)[s.time_s > 60]).max() > 0.1
+
+
+def auto(scenario: Scenario, seed: int, offset: float) -> insnav.Solution:
+    """Run a simulated drive with stamps of the IMU that are off, the offset to be found."""
+    arrays: dict[str, Any] = dict(scenario.simulate(seed).arrays)
+    time_s, *rest = arrays["imu"]
+    return insnav.run({**arrays, "imu": (time_s - offset, *rest)}, time_offset_s="auto")
+
+
+@pytest.mark.filterwarnings("ignore::insnav.InsnavWarning")
+def test_an_offset_is_found_under_a_plain_receiver() -> None:
+    # Fixes of 1.5 m and 0.05 m/s once a second: positions alone know the offset to 0.12 s.
+    plain = Scenario.car_drive(300.0).replace(imu={"rate_hz": 100.0})
+    squares = 0.0
+    for seed, offset in enumerate([-1.0, -0.3, -0.1, 0.05, 0.2, 0.3], start=1):
+        summary = auto(plain, seed, offset).summary
+        found, lag = summary["time_offset_s"], summary["gnss_velocity_lag_s"]
+        assert found["sigma"] < 0.02 and lag["value"] == 0, (offset, found, lag)
+        squares += ((found["value"] - offset) / found["sigma"]) ** 2
+        codes = [w["code"] for w in summary["warnings"]]
+        assert ("time_offset_large" in codes) == (abs(offset) > 0.5), codes
+    # Chi-square of 6: 0.1 % is above 22.5.
+    assert squares < 22.5
+
+
+def test_no_offset_is_made_of_none() -> None:
+    plain = Scenario.car_drive(300.0).replace(imu={"rate_hz": 100.0})
+    summary = auto(plain, 1, 0.0).summary
+    assert summary["time_offset_s"]["value"] == 0 and summary["time_offset_s"]["sigma"] < 0.02
+    assert not any(w["code"].startswith("time_offset") for w in summary["warnings"])
+
+
+@pytest.mark.filterwarnings("ignore::insnav.InsnavWarning")
+def test_an_offset_that_is_not_found_is_told_as_such() -> None:
+    poor = {"position_sigma_m": [5.0, 5.0, 10.0], "velocity_rate_hz": 0.0}
+    summary = auto(Scenario.car_drive(300.0).replace(gnss=poor), 1, 0.2).summary
+    assert summary["time_offset_s"] == {"value": 0.0, "sigma": None}
+    (told,) = [w for w in summary["warnings"] if w["code"] == "time_offset_unknown"]
+    assert "left as the settings have it" in told["message"]
+
 
 
 def test_other_threads_run_meanwhile(truth: Drive) -> None:

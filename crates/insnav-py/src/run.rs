@@ -38,7 +38,8 @@ use std::path::{Path, PathBuf};
 ///     Replace the output when it exists.
 /// time_offset_s : float or "auto", optional
 ///     Seconds added to IMU stamps to meet the clock of GNSS positions; ``"auto"``: find it, and the lag of GNSS velocity,
-///     in the data. Without it a difference is looked for and warned of, but not used.
+///     in the data, 1.5 s to either side. ``summary["time_offset_s"]`` then has a sigma; where the data do not tell, it has none, the
+///     setting stays, and a warning says so (``time_offset_unknown``). Without it a difference is looked for and warned of, but not used.
 /// withhold : str, optional
 ///     Fixes to keep from the filter: intervals in seconds (``"120:150,300:330"``) or one in N epochs (``"every:2"``).
 /// imu_only : bool, default False

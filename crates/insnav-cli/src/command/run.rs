@@ -46,7 +46,7 @@ pub(crate) struct Run {
     reading: LogFlags,
 
     /// Seconds added to IMU stamps to meet the clock of GNSS positions; auto: find it, and the lag of GNSS velocity, in the
-    /// data. Without this flag a difference is looked for and told, but not used
+    /// data, or say that they do not tell. Without this flag a difference is looked for and told, but not used
     #[arg(long, value_name = "S|auto", value_parser = time_offset, allow_hyphen_values = true)]
     time_offset: Option<TimeOffset>,
 

@@ -2,7 +2,7 @@
 //!
 //! Logs commonly carry 0.05 to 0.4 s of them, which matters more than any choice of filter: at 15 m/s, 0.1 s is 1.5 m.
 //! The first two estimators need neither an alignment nor a configuration, and look at the whole log rather than running with
-//! it; the third, for short or gentle logs, is the navigator itself at many offsets.
+//! it; the third, the sharpest where there are velocities, is the navigator itself.
 //! They take an offset as constant: a clock that drifts by more than the sigma over the log is told by nothing here.
 
 mod by_filter;

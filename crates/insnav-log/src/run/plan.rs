@@ -186,7 +186,7 @@ impl Plan {
             let clocks = find_clocks(
                 source,
                 &plan,
-                options.time_offset_auto || options.thorough_clocks,
+                (options.time_offset_auto, options.thorough_clocks),
             )?;
             plan.take_clocks(clocks, options.time_offset_auto);
         }
@@ -369,7 +369,7 @@ impl Plan {
         if auto {
             clocks.use_what_was_found(&mut self.config);
             let has_velocity = !self.survey.velocities.is_empty();
-            self.warnings.extend(clocks.not_observable(has_velocity));
+            self.warnings.extend(clocks.warnings(has_velocity));
         } else {
             let found = findings::of_clocks(
                 clocks.offset_found,
