@@ -21,7 +21,7 @@ const STANDING_FORCE_DEVIATION: f64 = 1.0;
 const STANDING_FORCE_WANDER: f64 = 0.3;
 const STANDING_SPEED: f64 = 0.3;
 const STANDING_SCATTER: (f64, f64) = (1.0, 5.0);
-/// Acceleration that the mean over [`MOVING_WINDOW`] may hide when GNSS does not tell it, m/s².
+/// Acceleration that the mean over [`MOVING_WINDOW`] may hide when GNSS does not tell it, m/s²; over less, one that lasts is more of the mean.
 const UNKNOWN_ACCELERATION: f64 = 0.6;
 
 /// The direction of gravity in body axes at the first sample, and what standing tells besides.
@@ -76,7 +76,8 @@ pub(super) fn level(
         });
     }
     let (force, turned) = mean_force_b0(imu, MOVING_WINDOW)?;
-    let own_sigma = UNKNOWN_ACCELERATION / STANDARD_GRAVITY;
+    let span = imu.last()?.time.since(first.time).min(MOVING_WINDOW);
+    let own_sigma = UNKNOWN_ACCELERATION * (MOVING_WINDOW / span).sqrt() / STANDARD_GRAVITY;
     Some(Level {
         q_level: from_force(&force),
         tilt_sigma: own_sigma.hypot(noise.accel_bias_sigma / STANDARD_GRAVITY),
@@ -102,9 +103,6 @@ pub(super) fn level_with_velocity(
         .collect();
     let (from, to) = (ends.first()?, ends.last()?);
     let span = to.time.since(from.time);
-    if span < 0.3 * MOVING_WINDOW {
-        return None;
-    }
     let acceleration_n = (to.velocity_n - from.velocity_n) / span;
     let q_nb = level.facing(heading);
     let horizontal = Vector3::new(acceleration_n.x, acceleration_n.y, 0.0);

@@ -425,7 +425,8 @@ impl Eskf {
     }
 
     /// Widen the uncertainty for a stretch of `dt` seconds in which nobody saw what the body did: rate and specific force
-    /// wrong by the given sigmas (rad/s, m/s²) all along.
+    /// wrong by the given sigmas (rad/s, m/s²) all along. A stretch with a measurement inside is two: what comes after the
+    /// measurement is widened after it.
     pub fn bridge(&mut self, dt: f64, rate_sigma: f64, force_sigma: f64) {
         let eye = |s: f64| Matrix3::from_diagonal_element(s * s);
         self.widen(POSITION, &eye(0.5 * force_sigma * dt * dt));

@@ -624,8 +624,8 @@ fn pass(
     let (mut rest, mut outcome) = (*increment, Ok(()));
     while rest.dt > 0.0 {
         let (step, after) = gap.split(&rest);
-        outcome = outcome.and(standing.propagate(&step, filter, sink));
         gap.widen(&step, filter);
+        outcome = outcome.and(standing.propagate(&step, filter, sink));
         rest = after;
     }
     outcome

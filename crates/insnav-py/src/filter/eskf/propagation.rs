@@ -116,6 +116,8 @@ impl Eskf {
 
     /// Widen the uncertainty for a stretch in which nobody saw what the body did.
     ///
+    /// A stretch with a measurement inside is two: what comes after the measurement is widened after it.
+    ///
     /// Parameters
     /// ----------
     /// dt : float
