@@ -32,6 +32,14 @@ pub(crate) fn rows<'py, const N: usize>(
         .into_bound_py_any(py)
 }
 
+/// A new array of shape (n, width), which takes the numbers as they lie.
+pub(crate) fn table(py: Python<'_>, values: Vec<f64>, width: usize) -> PyResult<Bound<'_, PyAny>> {
+    let shape = [values.len() / width, width];
+    PyArray1::from_vec(py, values)
+        .reshape(shape)?
+        .into_bound_py_any(py)
+}
+
 /// A new array of shape (n, 3, 3).
 pub(crate) fn matrices<'py>(
     py: Python<'py>,

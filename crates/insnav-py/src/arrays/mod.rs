@@ -7,7 +7,7 @@ mod matrices;
 mod times;
 mod vectors;
 
-pub(crate) use made::{bools, matrices, matrix, rows, scalars, square_stack};
+pub(crate) use made::{bools, matrices, matrix, rows, scalars, square_stack, table};
 pub(crate) use times::{MOST_SECONDS, counted_from, too_far};
 
 use crate::failure::Failure;

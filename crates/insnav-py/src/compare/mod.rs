@@ -1,21 +1,21 @@
 //! `insnav.compare`: a solution judged by a reference, as the command does it.
 //!
-//! `table` reads what either is, `known` says which columns there are.
+//! `table` reads what either is, `known` says which columns there are, `columns` is what was read, `series` what comes out.
 
+mod columns;
 mod known;
+mod series;
 mod table;
 
+use self::columns::Columns;
+use self::series::Series;
 use self::table::Given;
-use crate::arrays::{rows, scalars};
 use crate::failure::{Failure, fail, warn};
-use crate::interrupt::interruptible;
+use crate::interrupt::{Stop, interruptible};
 use crate::run::dictionary;
-use insnav_core::metrics::{ErrorInstant, Nees};
-use insnav_core::time::Time;
 use insnav_log::{ComparedReference, ComparedSolution, JudgeRequest, Warning, judge};
-use nalgebra::Vector3;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use std::path::PathBuf;
 
 /// Judge a solution by a reference: errors by component, at stops and under way, and against the stated sigmas.
 ///
@@ -123,17 +123,14 @@ pub(crate) fn compare<'py>(
         align_earth,
         course,
     };
-    let mut is = match &solution_given {
-        Given::File(path) => {
-            let path = path.clone();
-            interruptible(py, move |_| ComparedSolution::read(&path, None))?
-                .map_err(|e| fail(e.into()))?
-        }
+    // Numbers are copied here, where Python has them; all that is made of them needs no interpreter.
+    let mut fixes = None;
+    let solution = match &solution_given {
+        Given::File(path) => Read::File(path.clone()),
         Given::Columns(columns) => {
-            let mut is = columns.solution()?;
             if let Some(rule) = columns.withheld_singly()?.filter(|_| withheld.is_none()) {
                 match columns.withheld_fixes()? {
-                    Some(fixes) => is.withheld = fixes,
+                    Some(known) => fixes = Some(known),
                     None => warn(
                         py,
                         &Warning {
@@ -146,92 +143,62 @@ pub(crate) fn compare<'py>(
                     )?,
                 }
             }
-            is
+            Read::Solution(columns.solution()?)
         }
     };
-    if let Some(rule) = &withheld {
-        is.set_withheld(rule).map_err(|e| {
-            fail(Failure::new(
-                "bad_option",
-                format!("withheld: {e}"),
-                "intervals as \"120:150,300:330\"",
-            ))
-        })?;
-    }
-    let should = match &reference_given {
-        Given::File(path) => {
-            let path = path.clone();
-            let (read, back) = interruptible(py, move |_| {
-                let read = ComparedReference::read(&path, &is);
-                (read, is)
-            })?;
-            is = back;
-            read.map_err(|e| fail(e.into()))?
-        }
-        Given::Columns(columns) if columns.is_solution()? => {
-            ComparedReference::of(&columns.solution()?)
-        }
-        Given::Columns(columns) => columns.reference(is.origin, reference_at_antenna)?,
+    let reference = match &reference_given {
+        Given::File(path) => Read::File(path.clone()),
+        Given::Columns(columns) if columns.is_solution()? => Read::Solution(columns.solution()?),
+        Given::Columns(columns) => Read::Reference(columns.reference()?),
     };
-    let origin = is.origin;
-    let judged = interruptible(py, move |_| judge(is, should, &request))?.map_err(|problem| {
-        let code = match &*problem.code {
-            "no_overlap" => "no_overlap",
-            "nothing_to_compare" => "nothing_to_compare",
-            _ => "bad_option",
+    let work = move |_: &Stop| -> Result<_, Failure> {
+        let mut is = match solution {
+            Read::File(path) => ComparedSolution::read(&path, None)?,
+            Read::Solution(columns) | Read::Reference(columns) => columns.solution()?,
         };
-        fail(Failure::new(code, problem.message, problem.remedy))
-    })?;
-    for warning in &judged.warnings {
+        if let Some(fixes) = fixes {
+            is.withheld = fixes;
+        }
+        if let Some(rule) = &withheld {
+            is.set_withheld(rule).map_err(|e| {
+                Failure::new(
+                    "bad_option",
+                    format!("withheld: {e}"),
+                    "intervals as \"120:150,300:330\"",
+                )
+            })?;
+        }
+        let should = match reference {
+            Read::File(path) => ComparedReference::read(&path, &is)?,
+            Read::Solution(columns) => ComparedReference::of(&columns.solution()?),
+            Read::Reference(columns) => columns.reference(is.origin, reference_at_antenna)?,
+        };
+        let origin = is.origin;
+        let judged = judge(is, should, &request).map_err(|problem| {
+            let code = match &*problem.code {
+                "no_overlap" => "no_overlap",
+                "nothing_to_compare" => "nothing_to_compare",
+                _ => "bad_option",
+            };
+            Failure::new(code, problem.message, problem.remedy)
+        })?;
+        let series = Series::of(&judged.series, origin);
+        Ok((series, serde_json::to_string(&judged), judged.warnings))
+    };
+    let (series, summary, warnings) = interruptible(py, work)?.map_err(fail)?;
+    for warning in &warnings {
         warn(py, warning)?;
     }
-    let fields = series(py, &judged.series, origin)?;
-    fields.set_item("summary", dictionary(py, serde_json::to_string(&judged))?)?;
+    let fields = series.fields(py)?;
+    fields.set_item("summary", dictionary(py, summary)?)?;
     py.import("insnav._compare")?
         .getattr("Comparison")?
         .call((), Some(&fields))
 }
 
-/// The columns of `insnav.Comparison`; NaN where there is nothing to compare.
-fn series<'py>(
-    py: Python<'py>,
-    series: &[ErrorInstant],
-    origin: Time,
-) -> PyResult<Bound<'py, PyDict>> {
-    let fields = PyDict::new(py);
-    let vector = |name: &str, get: fn(&ErrorInstant) -> Option<Vector3<f64>>| {
-        let values = series
-            .iter()
-            .map(|e| get(e).map_or([f64::NAN; 3], Into::into));
-        fields.set_item(name, rows(py, values)?)
-    };
-    fields.set_item(
-        "time_s",
-        scalars(py, series.iter().map(|e| e.time.since(origin)))?,
-    )?;
-    vector("position_error_n_m", |e| e.error.position_n)?;
-    vector("velocity_error_n_m_per_s", |e| e.error.velocity_n)?;
-    vector("attitude_error_n_deg", |e| {
-        e.error.rotation_n.map(|r| r.map(f64::to_degrees))
-    })?;
-    vector("roll_pitch_heading_error_deg", |e| {
-        e.error.angles.map(|a| a.map(f64::to_degrees))
-    })?;
-    vector("sigma_position_n_m", |e| e.position_sigma_n)?;
-    vector("sigma_velocity_n_m_per_s", |e| e.velocity_sigma_n)?;
-    vector("sigma_attitude_n_deg", |e| {
-        e.attitude_sigma_n.map(|s| s.map(f64::to_degrees))
-    })?;
-    let nees = |name: &str, get: fn(Nees) -> Option<f64>| {
-        let values = series
-            .iter()
-            .map(|e| get(e.error.nees()).unwrap_or(f64::NAN));
-        fields.set_item(name, scalars(py, values)?)
-    };
-    nees("nees_position", |n| n.position)?;
-    nees("nees_velocity", |n| n.velocity)?;
-    nees("nees_attitude", |n| n.attitude)?;
-    let standing = series.iter().map(|e| e.standing == Some(true));
-    fields.set_item("standing", scalars(py, standing)?)?;
-    Ok(fields)
+/// One of the two, as it goes to the thread that compares.
+enum Read {
+    File(PathBuf),
+    Solution(Columns),
+    Reference(Columns),
 }

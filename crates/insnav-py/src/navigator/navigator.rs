@@ -347,7 +347,8 @@ impl Navigator {
         self.core.gnss_velocity_sigma_scale().into()
     }
 
-    /// Take what has come out since the last time: epochs and measurements.
+    /// Take what has come out since the last time: epochs and measurements. An hour at 200 Hz is copied in 0.4 s, at the end of which Ctrl-C is
+    /// heard; the same is true of pickling.
     ///
     /// Returns
     /// -------
