@@ -44,7 +44,7 @@ pub(super) type Any<'py> = Bound<'py, PyAny>;
 /// start : mapping, optional
 ///     A state that is known (see :class:`Start`), with its ``time_s``, in place of a start found in the data.
 /// t0_ns : int, default 0
-///     Instant from which all seconds count, ns: with that of a log, stamps of today are exact. Dates (``datetime64``, those of pandas
+///     Instant from which the seconds of samples, ``start``, epochs, stops and events count, ns: with that of a log, stamps of today are exact. Dates (``datetime64``, those of pandas
 ///     and Python's own) are instants already.
 /// keep : bool, default True
 ///     Keep epochs (at ``output.rate_hz``), measurements and events until they are taken; else the newest epoch alone.
@@ -322,12 +322,13 @@ impl Navigator {
     /// Returns
     /// -------
     /// NavState or None
-    ///     In radians, of the IMU.
+    ///     In radians, of the IMU. It knows no ``t0_ns``: its ``time_s`` counts from the zero of dates, ``time_ns`` is the instant.
     fn latest(&self) -> Option<NavState> {
         self.core.latest().map(NavState)
     }
 
-    /// A copy of the filter at the tail of the horizon (:class:`insnav.filter.Eskf`); None before the start.
+    /// A copy of the filter at the tail of the horizon (:class:`insnav.filter.Eskf`); None before the start. It knows no ``t0_ns``: its seconds
+    /// count from the zero of dates.
     #[getter]
     fn filter(&self) -> Option<Eskf> {
         let mut filter = self.core.filter()?.clone();
