@@ -5,7 +5,9 @@ from __future__ import annotations
 import pickle
 import subprocess
 import warnings
+from collections import ChainMap, UserDict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -166,6 +168,20 @@ def test_covariances_are_used_as_sigmas_are() -> None:
     assert not np.array_equal(other.latitude_deg, by_sigma.latitude_deg)
     with pytest.raises(insnav.ArgumentError, match=r"\(81, 3, 3\)"):
         insnav.run({**drive.arrays, "gnss_position": (stamps, position, tied[:5])}, CONFIG)
+
+
+@pytest.mark.parametrize("form", [dict, MappingProxyType, ChainMap, UserDict])
+def test_topics_are_any_mapping(form: Any, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    insnav.write_mcap(path, insnav.sim.Scenario.car_drive(70.0).simulate(seed=5))
+    topics = {"imu": "/imu/data"}
+    assert insnav.read_mcap(path, topics=form(topics)).topics["imu"] == "/imu/data"
+    assert len(quietly(insnav.run, path, topics=form(topics))) > 100
+    # The control: what is said is used.
+    with pytest.raises(insnav.LogError, match="/imu/none"):
+        insnav.read_mcap(path, topics=form({"imu": "/imu/none"}))
+    with pytest.raises(TypeError, match="(?s)expected a mapping, not list.*topics"):
+        insnav.read_mcap(path, topics=["imu"])  # type: ignore[arg-type]
 
 
 def test_the_zero_of_seconds_is_kept() -> None:

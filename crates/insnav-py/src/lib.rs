@@ -22,6 +22,7 @@ mod inputs;
 mod interrupt;
 mod known_start;
 mod logs;
+mod named;
 mod navigator;
 mod noise;
 mod orientation;

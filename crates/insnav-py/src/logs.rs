@@ -5,6 +5,7 @@ use crate::epochs::EpochColumns;
 use crate::failure::{Failure, fail};
 use crate::inputs;
 use crate::interrupt::{Stop, interruptible};
+use crate::named::Named;
 use crate::run::{dictionary, read_options};
 use crate::settings;
 use crate::sim::Scenario;
@@ -60,7 +61,7 @@ use std::path::PathBuf;
 pub(crate) fn read_mcap<'py>(
     py: Python<'py>,
     path: PathBuf,
-    topics: Option<BTreeMap<String, String>>,
+    topics: Option<Named<String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
     config: Option<&Bound<'py, PyAny>>,

@@ -5,6 +5,7 @@ use crate::failure::{Failure, fail, warn};
 use crate::inputs;
 use crate::interrupt::{Stop, interruptible};
 use crate::known_start;
+use crate::named::Named;
 use crate::settings;
 use crate::sinks::FileAndMemory;
 use crate::solution::solution;
@@ -96,7 +97,7 @@ pub(crate) fn run<'py>(
     withhold: Option<&str>,
     imu_only: bool,
     start: Option<&Bound<'_, PyAny>>,
-    topics: Option<BTreeMap<String, String>>,
+    topics: Option<Named<String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -260,12 +261,12 @@ impl Job {
 
 /// How a log is read.
 pub(crate) fn read_options(
-    topics: Option<BTreeMap<String, String>>,
+    topics: Option<Named<String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
 ) -> Result<ReadOptions, Failure> {
     let mut options = ReadOptions::default();
-    for (key, topic) in topics.unwrap_or_default() {
+    for (key, topic) in topics.map_or_else(BTreeMap::new, |topics| topics.0) {
         let role = Role::from_key(&key).ok_or_else(|| {
             Failure::unknown_word("topics", &key, &Role::ALL.map(Role::key).join(", "))
         })?;

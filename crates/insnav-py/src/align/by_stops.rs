@@ -5,6 +5,7 @@ use super::record::{heading_and_sigma, method, windows};
 use crate::failure::{Failure, fail, warn};
 use crate::inputs;
 use crate::interrupt::interruptible;
+use crate::named::Named;
 use crate::run::{dictionary, read_options};
 use crate::settings;
 use insnav_core::config::Config;
@@ -13,7 +14,6 @@ use insnav_log::{AlignRequest, Log, Role};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Attitude, heading and sensor drifts from standing data, in one position or several: what the command ``insnav align`` does.
@@ -73,7 +73,7 @@ pub(crate) fn align_by_stops<'py>(
     heading_deg: Option<f64>,
     heading_sigma_deg: Option<f64>,
     max_azimuth_sigma_deg: f64,
-    topics: Option<BTreeMap<String, String>>,
+    topics: Option<Named<String>>,
     imu_axes: Option<&str>,
     time_source: Option<&str>,
 ) -> PyResult<Bound<'py, PyAny>> {

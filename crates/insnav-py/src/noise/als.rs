@@ -6,6 +6,7 @@ use super::refusal::refused;
 use crate::arrays::{Argument, matrix, scalars, square_stack};
 use crate::failure::fail;
 use crate::interrupt::interruptible;
+use crate::named::Named;
 use crate::pickle;
 use insnav_core::noise::{
     self, EstimateOptions, LagCovariance, MdmOptions, Step, measurements_of_innovations,
@@ -13,7 +14,6 @@ use insnav_core::noise::{
 use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use std::collections::BTreeMap;
 
 /// What each unknown adds to the lag covariances of innovations; :func:`als_design` makes it.
 #[pyclass(frozen, module = "insnav.noise")]
@@ -205,7 +205,7 @@ pub(crate) fn als_solve<'py>(
     counts: &Bound<'py, PyAny>,
     weight: &str,
     constraint: &str,
-    known: Option<BTreeMap<String, f64>>,
+    known: Option<Named<f64>>,
     reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
@@ -296,7 +296,7 @@ pub(crate) fn als_estimate<'py>(
     hold_unidentified: bool,
     weight: &str,
     constraint: &str,
-    known: Option<BTreeMap<String, f64>>,
+    known: Option<Named<f64>>,
     reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
@@ -393,7 +393,7 @@ pub(crate) fn als_estimate_ltv<'py>(
     lags: usize,
     weight: &str,
     constraint: &str,
-    known: Option<BTreeMap<String, f64>>,
+    known: Option<Named<f64>>,
     reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
@@ -477,7 +477,7 @@ pub(crate) fn mdm_estimate<'py>(
     basis: Option<&Bound<'py, PyAny>>,
     span: usize,
     reweights: usize,
-    known: Option<BTreeMap<String, f64>>,
+    known: Option<Named<f64>>,
     runs: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = y.py();

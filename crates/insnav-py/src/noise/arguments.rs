@@ -3,6 +3,7 @@
 use super::refusal::refused;
 use crate::arrays::Argument;
 use crate::failure::{Failure, fail};
+use crate::named::Named;
 use insnav_core::noise::{Basis, Block, Constraint, LinearModel, Shape, SolveOptions, Weight};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -116,12 +117,9 @@ fn shape_of(name: &str, form: &Bound<'_, PyAny>) -> PyResult<Shape> {
 }
 
 /// Values by the names of unknowns, in the order of the basis.
-pub(super) fn known(
-    given: Option<BTreeMap<String, f64>>,
-    basis: &Basis,
-) -> Result<Vec<Option<f64>>, Failure> {
+pub(super) fn known(given: Option<Named<f64>>, basis: &Basis) -> Result<Vec<Option<f64>>, Failure> {
     let mut values = vec![None; basis.len()];
-    for (name, value) in given.unwrap_or_default() {
+    for (name, value) in given.map_or_else(BTreeMap::new, |known| known.0) {
         let names: Vec<&str> = basis.unknowns().iter().map(|u| u.name.as_str()).collect();
         let Some(at) = names.iter().position(|n| *n == name) else {
             return Err(Failure::new(
@@ -148,7 +146,7 @@ pub(super) fn known(
 pub(super) struct Solving<'a> {
     pub(super) weight: &'a str,
     pub(super) constraint: &'a str,
-    pub(super) known: Option<BTreeMap<String, f64>>,
+    pub(super) known: Option<Named<f64>>,
     pub(super) reweights: usize,
     pub(super) least_independent: f64,
     pub(super) trace_penalty: f64,
