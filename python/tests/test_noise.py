@@ -240,6 +240,10 @@ def test_estimates_can_be_pickled_and_printed() -> None:
         (lambda: noise.mdm_estimate(np.zeros((500, 2)), F, G, H, span=400), "too_short", ["400"]),
         (lambda: noise.overlapping_allan(np.zeros((9, 2)), 0.1), "wrong_shape", ["x", "(9, 2)", "(n,)"]),
         (lambda: noise.overlapping_allan(np.arange(9.0), 0.0), "bad_option", ["step"]),
+        (lambda: noise.overlapping_allan(np.arange(9.0), 0.01, [2**63]), "bad_option", ["half the record"]),
+        (lambda: noise.als_estimate(measured(Q, R, 500, 1), F, G, H, np.ones(4), rounds=2**31), "bad_option", ["rounds", "2147483648", "10000"]),
+        (lambda: noise.als_estimate(measured(Q, R, 500, 1), F, G, H, np.ones(4), reweights=10_001), "bad_option", ["reweights", "10001", "10000"]),
+        (lambda: noise.mdm_estimate(np.zeros((500, 2)), F, G, H, reweights=2**40), "bad_option", ["reweights", "1099511627776"]),
         (lambda: noise.identify_noise(np.arange(5.0), np.zeros((4, 3)), np.zeros((5, 3))), "wrong_shape", ["gyro", "(4, 3)"]),
     ],
 )

@@ -53,7 +53,7 @@ pub fn overlapping_allan(
     if record.iter().any(|v| !v.is_finite()) {
         return Err(Refusal::NotFinite { what: "record" });
     }
-    if let Some(m) = averaged.iter().find(|m| **m == 0 || 2 * **m > record.len()) {
+    if let Some(m) = averaged.iter().find(|m| **m == 0 || **m > record.len() / 2) {
         return Err(Refusal::Setting {
             what: "samples to average over",
             value: *m as f64,

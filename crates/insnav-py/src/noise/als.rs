@@ -1,6 +1,6 @@
 //! Autocovariance least squares, its parts and its relatives.
 
-use super::arguments::{Solving, basis, known, lags as checked, model, runs};
+use super::arguments::{Solving, basis, known, lags as checked, model, rounds, runs};
 use super::found;
 use super::refusal::refused;
 use crate::arrays::{Argument, matrix, scalars, square_stack};
@@ -317,7 +317,7 @@ pub(crate) fn als_estimate<'py>(
     let runs = self::runs(record, p, runs).map_err(fail)?;
     let options = EstimateOptions {
         lags: checked(lags).map_err(fail)?,
-        rounds,
+        rounds: self::rounds("rounds", rounds).map_err(fail)?,
         skip,
         hold_unidentified,
         solve: Solving {
@@ -489,7 +489,7 @@ pub(crate) fn mdm_estimate<'py>(
     let runs = self::runs(record, p, runs).map_err(fail)?;
     let options = MdmOptions {
         span,
-        reweights,
+        reweights: rounds("reweights", reweights).map_err(fail)?,
         known: self::known(known, &basis).map_err(fail)?,
     };
     let work = move |_: &_| noise::mdm_estimate(&runs.pieces(), &model, &basis, &options);

@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 
 /// More lags than any record has use for, before memory is asked for them.
 const MOST_LAGS: usize = 1_000_000;
+/// More rounds than anything takes that comes to an end.
+const MOST_ROUNDS: usize = 10_000;
 /// More sums than any machine has use for.
 pub(super) const MOST_SUMS: usize = 100_000_000;
 
@@ -187,7 +189,7 @@ impl Solving<'_> {
                 }
             },
             known: known(self.known, basis)?,
-            reweights: self.reweights,
+            reweights: rounds("reweights", self.reweights)?,
             least_independent: self.least_independent,
             trace_penalty: self.trace_penalty,
         })
@@ -240,4 +242,18 @@ pub(super) fn lags(lags: usize) -> Result<usize, Failure> {
         "a few tens to hundreds are enough: as many as the filter takes to forget",
     )
     .about("lags", lags.to_string(), format!("1 to {MOST_LAGS}")))
+}
+
+/// Refuses a number of rounds that is absurd: memory is asked for each of them beforehand.
+pub(super) fn rounds(name: &str, rounds: usize) -> Result<usize, Failure> {
+    if rounds <= MOST_ROUNDS {
+        return Ok(rounds);
+    }
+    Err(Failure::argument(
+        "bad_option",
+        name,
+        rounds.to_string(),
+        format!("at most {MOST_ROUNDS}"),
+        "a few are enough: what has not settled by then does not",
+    ))
 }
