@@ -195,6 +195,23 @@ def test_a_drive_begins_with_a_stop() -> None:
     assert abs(run.stops.end_s[0] - found.end_s[0]) < 1.0
 
 
+@pytest.mark.parametrize("down", [0.0, np.nan])
+def test_velocities_by_sample_are_those_of_arrays(down: float) -> None:
+    """A receiver without a Down component tells as well whether the body moves."""
+    t, gyro, accel = rest(30.0, 5)
+    noise = np.random.default_rng(8).normal(0, 0.02, (len(t[::20]), 3))
+    for north, stands in [(0.0, True), (3.0, False)]:
+        velocity = noise + [north, 0.0, down]
+        arrays = {"imu": (t, gyro, accel), "gnss_velocity": (t[::20], velocity, np.full(3, 0.05))}
+        detector = stationary.StopDetector(UNIT, gnss=True)
+        for k, (w, f) in enumerate(zip(gyro, accel)):
+            detector.step(float(t[k]), w, f)
+            if k % 20 == 0:
+                detector.gnss_velocity(float(t[k]), velocity[k // 20], [0.05, 0.05, 0.05])
+        found = stationary.detect(arrays, UNIT)
+        assert (detector.standing_since_s is not None) == stands == (len(found) == 1)
+
+
 def test_a_detector_pickles_in_mid_stop() -> None:
     t, gyro, accel = shaken()
     detector = stationary.StopDetector(UNIT, gnss=True)
@@ -231,6 +248,9 @@ def test_a_detector_pickles_in_mid_stop() -> None:
         (lambda: stationary.StopDetector().step(0.0, [0, 0], [0, 0, 1]), "gyro", ["(2,)", "(3,)"]),
         (lambda: stationary.StopDetector().step(np.nan, [0, 0, 0], [0, 0, 1]), "t", ["t"]),
         (lambda: stationary.StopDetector().believe(rate_covariance_b_rad2_per_s2=[1.0]), "rate_covariance_b_rad2_per_s2", ["(1,)"]),
+        (lambda: stationary.StopDetector().gnss_velocity(0.0, [1, 0, 0], [0.1, -0.1, 0.1]), "sigma_n_m_per_s", ["-0.1", "not negative"]),
+        (lambda: stationary.StopDetector().gnss_velocity(0.0, [1, 0, 0], -0.1), "sigma_n_m_per_s", ["-0.1"]),
+        (lambda: stationary.StopDetector().gnss_velocity(0.0, [1, 0], [0.1] * 3), "velocity_n_m_per_s", ["(2,)", "(3,)"]),
         (lambda: stationary.detect({}, sigma_rate_rad_per_s=-1.0), "sigma_rate_rad_per_s", ["-1"]),
     ],
 )

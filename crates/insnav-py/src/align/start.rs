@@ -230,17 +230,12 @@ pub(crate) fn magnetic_start<'py>(
         found.tilt_sigma.powi(2),
         found.heading_sigma.powi(2),
     );
-    let zero = (Vector3::zeros(), Vector3::repeat(noise.gyro_bias_sigma));
     heading_alignment(
         py,
         &found.q_nb,
         &Matrix3::from_diagonal(&variances),
         found.heading_sigma,
-        if gyro_bias_rad_per_s.is_some() {
-            (bias, zero.1)
-        } else {
-            zero
-        },
+        (bias, Vector3::repeat(noise.gyro_bias_sigma)),
     )
     .map(Some)
 }

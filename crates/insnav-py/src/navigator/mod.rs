@@ -12,3 +12,4 @@ mod sample;
 mod steps;
 
 pub(crate) use navigator::Navigator;
+pub(crate) use sample::{stated, three};

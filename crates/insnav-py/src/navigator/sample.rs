@@ -28,7 +28,7 @@ pub(super) fn time(object: &Bound<'_, PyAny>, zero: Time) -> Result<Time, Failur
 
 /// Three numbers; what they are is judged by the navigator.
 #[inline]
-pub(super) fn three(name: &str, object: &Bound<'_, PyAny>) -> Result<Vector3<f64>, Failure> {
+pub(crate) fn three(name: &str, object: &Bound<'_, PyAny>) -> Result<Vector3<f64>, Failure> {
     // A subclass may have a mask.
     if object.is_exact_instance_of::<PyUntypedArray>()
         && let Ok(array) = object.cast::<PyArray1<f64>>()
@@ -56,7 +56,7 @@ pub(super) fn three(name: &str, object: &Bound<'_, PyAny>) -> Result<Vector3<f64
 }
 
 /// What is said of the errors: three standard deviations, one for all three, a covariance, or nothing.
-pub(super) fn stated(name: &str, object: Option<&Bound<'_, PyAny>>) -> Result<Stated, Failure> {
+pub(crate) fn stated(name: &str, object: Option<&Bound<'_, PyAny>>) -> Result<Stated, Failure> {
     let Some(object) = object else {
         return Ok(Stated::Nothing);
     };

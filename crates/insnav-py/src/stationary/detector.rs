@@ -2,13 +2,14 @@
 
 use crate::arrays::{Argument, bools, rows, scalars};
 use crate::failure::{Failure, fail};
-use crate::inputs;
+use crate::inputs::{self, velocity_sample};
 use crate::interrupt::{Stop, interruptible};
+use crate::navigator::{stated, three};
 use crate::pickle;
 use crate::settings;
 use insnav_core::config::{Config, VehicleKind};
 use insnav_core::imu::ImuGrade;
-use insnav_core::sample::{GnssVelocity, ImuSample, Sample, Speed, Standstill, Unfit};
+use insnav_core::sample::{ImuSample, Sample, Speed, Standstill, Unfit};
 use insnav_core::solution::Motion;
 use insnav_core::stationary::{self, Belief, Evidence, Witness};
 use insnav_core::time::Time;
@@ -129,7 +130,8 @@ impl StopDetector {
         self.0.observe(&Sample::Imu(sample)).map_err(fail)
     }
 
-    /// Take a receiver's velocity over ground, north, east, down, m/s, shape (3,), with its standard deviations where it states any.
+    /// Take a receiver's velocity over ground, north, east, down, m/s, shape (3,), down NaN where it has none; with what it states of its
+    /// errors, as of :meth:`insnav.Navigator.step_gnss_velocity`.
     #[pyo3(signature = (t, velocity_n_m_per_s, sigma_n_m_per_s=None))]
     fn gnss_velocity(
         &mut self,
@@ -139,18 +141,14 @@ impl StopDetector {
     ) -> PyResult<()> {
         let py = velocity_n_m_per_s.py();
         let fail = fail(py);
-        let sigma = sigma_n_m_per_s
-            .map(|s| Argument::new("sigma_n_m_per_s", s).vector())
-            .transpose()
-            .map_err(fail)?;
-        let fix = GnssVelocity {
-            time: time(t).map_err(fail)?,
-            velocity_n: Argument::new("velocity_n_m_per_s", velocity_n_m_per_s)
-                .vector()
-                .map_err(fail)?,
-            covariance_n: sigma.map(|s| Matrix3::from_diagonal(&s.component_mul(&s))),
+        let read = || {
+            Ok(velocity_sample(
+                time(t)?,
+                three("velocity_n_m_per_s", velocity_n_m_per_s)?,
+                stated("sigma_n_m_per_s", sigma_n_m_per_s)?,
+            ))
         };
-        self.0.observe(&Sample::GnssVelocity(fix)).map_err(fail)
+        self.0.observe(&read().map_err(fail)?).map_err(fail)
     }
 
     /// Take the speed of the wheels, m/s, whichever way they turn.
