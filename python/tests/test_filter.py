@@ -289,6 +289,34 @@ def test_priors_and_widening() -> None:
     assert np.array_equal(eskf.sigma("velocity"), np.full(3, 0.1))
 
 
+def test_priors_that_are_no_covariances_are_refused() -> None:
+    """By name, and the filter stays as it was; what is one but for rounding is taken."""
+    eskf = Eskf(NavState.from_degrees(50.0, 14.0, 300.0), "consumer", position_sigma=10.0, velocity_sigma=1.0, attitude_sigma=0.1)
+    before = eskf.covariance
+    joint = np.diag([1e-2] * 3 + [-1e-13] * 3 + [1e-4] * 3)
+    calls: list[tuple[Callable[[], None], str]] = [
+        (lambda: eskf.set_prior("position", -np.eye(3)), "prior"),
+        (lambda: eskf.set_prior("position", np.full((3, 3), 2.0) - np.eye(3)), "prior"),
+        (lambda: eskf.set_prior("velocity", np.triu(np.ones((3, 3)))), "prior"),
+        (lambda: eskf.widen("position", -5 * np.eye(3)), "extra"),
+        # Small beside the other states, and a variance below zero all the same.
+        (lambda: eskf.set_joint_prior(joint), "joint"),
+    ]
+    for call, argument in calls:
+        with pytest.raises(insnav.ArgumentError) as caught:
+            call()
+        assert (caught.value.code, caught.value.argument) == ("not_a_covariance", argument)
+        assert np.array_equal(eskf.covariance, before)
+    # One direction alone: no variance in the others, which rounding may have below zero.
+    direction = np.array([1.0, 1e-3, 7.0])
+    once = np.outer(direction, direction) * 1e-8
+    once[0, 1] *= 1 + 1e-15
+    eskf.widen("position", once)
+    eskf.set_prior("velocity", np.zeros((3, 3)))
+    eskf.set_joint_prior(np.abs(joint))
+    assert np.allclose(eskf.sigma("position")[2], np.hypot(10.0, 7e-4))
+
+
 def test_what_is_held_comes_back_whole() -> None:
     eskf = make()
     eskf.propagate(DT, *moved())

@@ -81,17 +81,29 @@ pub(super) fn covariance(
     }
 }
 
+/// What a covariance may lack of being one, by rounding, at variances of 1.
+const ROUNDING: f64 = 1e-9;
+
 /// Symmetric, and no direction with a variance below zero (but for rounding).
 pub(super) fn is_covariance(name: &str, given: &DMatrix<f64>) -> Result<(), Failure> {
-    let rounding = 1e-9 * given.amax();
-    let symmetric = (given - given.transpose()).amax() <= rounding;
-    let smallest = given.symmetric_eigenvalues().min();
-    if symmetric && smallest >= -rounding {
+    // States differ in size by orders of magnitude: rounding is judged at a diagonal of one.
+    let sizes = given.diagonal().map(|v| match v.abs() {
+        0.0 => 1.0,
+        v => v.sqrt(),
+    });
+    let scaled = given.map_with_location(|i, j, v| v / (sizes[i] * sizes[j]));
+    let symmetric = (&scaled - scaled.transpose()).amax() <= ROUNDING;
+    let smallest = scaled.clone().symmetric_eigenvalues().min();
+    if symmetric && smallest >= -ROUNDING {
         return Ok(());
     }
+    let variance = given.diagonal().min();
     let received = match symmetric {
         false => "a matrix that is not symmetric".to_owned(),
-        true => format!("a variance of {smallest:.3e}"),
+        true if variance < 0.0 => format!("a variance of {variance:.3e}"),
+        true => {
+            format!("correlations that cannot be (eigenvalue {smallest:.3e} at variances of 1)")
+        }
     };
     Err(Failure::argument(
         "not_a_covariance",

@@ -1,7 +1,7 @@
 //! What is told from outside: optional blocks, covariances, calibration.
 
 use super::super::blocks::{range, with_block};
-use super::super::measured::positive;
+use super::super::measured::{is_covariance, positive};
 use super::{Any, Eskf, Given};
 use crate::arrays::Argument;
 use crate::failure::{Failure, fail, refused};
@@ -86,11 +86,12 @@ impl Eskf {
     /// block : str
     ///     Its name.
     /// extra : (k, k)
-    ///     Covariance to add.
+    ///     Covariance to add: symmetric, without negative variances.
     fn widen(&mut self, py: Python<'_>, block: &str, extra: &Any<'_>) -> PyResult<()> {
         let n = range(&self.0, "block", block).map_err(fail(py))?.len();
         let extra = Argument::new("extra", extra)
             .matrix(Some(n), Some(n))
+            .and_then(|extra| is_covariance("extra", &extra).map(|()| extra))
             .map_err(fail(py))?;
         let filter = &mut self.0;
         let _ = with_block!(block, handle => {
@@ -106,11 +107,12 @@ impl Eskf {
     /// block : str
     ///     Its name.
     /// prior : (k, k)
-    ///     The covariance.
+    ///     The covariance: symmetric, without negative variances.
     fn set_prior(&mut self, py: Python<'_>, block: &str, prior: &Any<'_>) -> PyResult<()> {
         let n = range(&self.0, "block", block).map_err(fail(py))?.len();
         let prior = Argument::new("prior", prior)
             .matrix(Some(n), Some(n))
+            .and_then(|prior| is_covariance("prior", &prior).map(|()| prior))
             .map_err(fail(py))?;
         let covariance = self.0.covariance_mut();
         let _ = with_block!(block, handle => {
@@ -126,8 +128,12 @@ impl Eskf {
     /// joint : (9, 9)
     ///     Small rotation in n (rad), gyro bias (rad/s, b), accelerometer bias (m/s², b), in this order.
     fn set_joint_prior(&mut self, py: Python<'_>, joint: &Any<'_>) -> PyResult<()> {
-        let joint = Argument::new("joint", joint).fixed().map_err(fail(py))?;
-        self.0.set_joint_prior(&joint);
+        let joint = Argument::new("joint", joint)
+            .matrix(Some(9), Some(9))
+            .and_then(|joint| is_covariance("joint", &joint).map(|()| joint))
+            .map_err(fail(py))?;
+        self.0
+            .set_joint_prior(&SMatrix::from_fn(|i, j| joint[(i, j)]));
         Ok(())
     }
 
