@@ -115,3 +115,20 @@ def test_stops_are_those_of_the_summary(solution: insnav.Solution) -> None:
     # The drive stands for its first 20 s.
     assert abs(stops.end_s[0] - 20.0) < 1.0
     assert "1, " in repr(stops)
+
+
+def test_rows_out_of_order_are_refused(solution: insnav.Solution) -> None:
+    """An epoch would not be found by its time; rows that are left out are no matter."""
+    pytest.importorskip("pandas")
+    frame = solution.to_pandas()
+    some = insnav.Solution.from_pandas(frame.iloc[::3])
+    assert np.array_equal(some.time_ns, solution.time_ns[::3])
+    doubled = frame.iloc[[0, 1, 1, 2]]
+    for wrong, words in [(frame.iloc[::-1], "row 1 is before"), (doubled, "row 2 has the instant of the row before")]:
+        with pytest.raises(insnav.ArgumentError, match=words) as caught:
+            insnav.Solution.from_pandas(wrong)
+        assert caught.value.code == "not_in_order"
+    pytest.importorskip("xarray")
+    dataset = solution.to_xarray()
+    with pytest.raises(insnav.ArgumentError, match="dataset: row 1"):
+        insnav.Solution.from_xarray(dataset.isel(time=slice(None, None, -1)))

@@ -175,6 +175,7 @@ def solution_of(
         return column.join([np.asarray(columns[name], dtype=wanted) for name in column.flat])
 
     values = {column.name: of(column) for column in COLUMNS}
+    in_order(values["time_ns"], "frame")
     rows: Mapping[str, Any] = updates if updates is not None else {}
 
     def number(name: str, dtype: Any = np.float64) -> NDArray[Any]:
@@ -195,6 +196,22 @@ def solution_of(
         summary=dict(summary or {}),
         withheld=Withheld(),
     )
+
+
+def in_order(time_ns: NDArray[np.int64], argument: str) -> None:
+    """Refuse rows of which one is not later than the one before: nothing would be found by its time."""
+    wrong = np.flatnonzero(time_ns[1:] <= time_ns[:-1])
+    if len(wrong):
+        row = int(wrong[0]) + 1
+        what = "has the instant of the row before" if time_ns[row] == time_ns[row - 1] else "is before the row before it"
+        raise ArgumentError(
+            f"{argument}: row {row} {what}, expected rows in the order of time_ns, each instant once",
+            "not_in_order",
+            "sort the rows by time_ns and drop those that come twice",
+            argument=argument,
+            received=f"time_ns {int(time_ns[row - 1])}, {int(time_ns[row])}",
+            expected="time_ns that increases",
+        )
 
 
 def _dates(time_ns: NDArray[np.int64]) -> NDArray[np.datetime64]:
@@ -333,6 +350,7 @@ def from_xarray(dataset: xarray.Dataset) -> Solution:
         if f"withheld_{field.name}" in dataset
     }
     values = {column.name: array(column.name, ("time", *column.dims)) for column in COLUMNS}
+    in_order(values["time_ns"], "dataset")
     return Solution(
         **values,
         t0_ns=int(dataset.attrs["t0_ns"]),

@@ -341,7 +341,7 @@ class Solution:
         Parameters
         ----------
         frame : pandas.DataFrame
-            All columns of :meth:`to_pandas`; others are left out.
+            All columns of :meth:`to_pandas`, rows in the order of ``time_ns``, each instant once; other columns are left out.
         updates : pandas.DataFrame, optional
             Of :meth:`Updates.to_pandas`.
         summary : mapping, optional
@@ -350,7 +350,7 @@ class Solution:
         Raises
         ------
         ArgumentError
-            Columns are missing.
+            Columns are missing, or rows are out of order or double.
         """
         from insnav import _frames
 
