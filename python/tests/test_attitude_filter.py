@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 from typing import Any
 
 import numpy as np
@@ -183,3 +184,27 @@ def test_refuses_and_stays_as_it_was() -> None:
     with pytest.raises(insnav.NavigationError) as caught:
         filter.step(4.0, gyro[0], accel[0])
     assert caught.value.time_ns == 4_000_000_000
+
+
+def test_the_first_attitude_comes_when_the_documentation_says() -> None:
+    """At rest after 0.3 s with a field and 1 s without; in motion later, after 2 s at the latest. `ahrs` has the same start."""
+    t = np.arange(300) * 0.01
+    rng = np.random.default_rng(0)
+    gyro, accel = rng.normal(0, 1e-3, (300, 3)), rng.normal(0, 1e-2, (300, 3)) + [0, 0, -9.81]
+    field = np.tile([2e-5, 0, 4e-5], (300, 1))
+    shaken = accel + np.outer(np.sin(9 * t), [3.0, 2.0, 1.0])
+    config = {"imu": {"grade": "consumer"}}
+
+    def first(*arrays: NDArray[np.float64]) -> float:
+        alone = insnav.AttitudeFilter(config).run(t, *arrays).time_s[0]
+        with warnings.catch_warnings():
+            # Three seconds do not tell the noise.
+            warnings.simplefilter("ignore", insnav.InsnavWarning)
+            assert insnav.ahrs(t, *arrays, config=config).time_s[0] == alone
+        return float(alone)
+
+    assert first(gyro, accel) == pytest.approx(1.0, abs=0.011)
+    assert first(gyro, accel, field) == pytest.approx(0.3, abs=0.011)
+    assert 1.0 < first(gyro, shaken, field) <= 2.01
+    for documented in (insnav.AttitudeFilter.__doc__, insnav.ahrs.__doc__):
+        assert documented and "0.3 s" in documented and "1 s" in documented and "up to 2 s" in documented

@@ -38,8 +38,8 @@ impl State {
 
 /// Attitude from gyro, accelerometer and, where there is one, magnetometer: the filter of :func:`insnav.ahrs`, sample by sample.
 ///
-/// ``n`` is magnetic north, east, down; without a field north is where the body looked when it began. The first attitude comes after 0.3 s
-/// (in motion later); corrections every twentieth of a second, attitude at every sample. A gap of more than half a second levels anew,
+/// ``n`` is magnetic north, east, down; without a field north is where the body looked when it began. At rest the first attitude comes
+/// after 0.3 s with a field and after 1 s without one, for which it waits so long; in motion it levels for longer, up to 2 s; corrections every twentieth of a second, attitude at every sample. A gap of more than half a second levels anew,
 /// biases and calibration stay.
 ///
 /// Parameters

@@ -46,7 +46,8 @@ use pyo3::types::{PyDict, PyString, PyTuple, PyType};
 /// Returns
 /// -------
 /// Orientation
-///     One row for each inertial sample from the first attitude on (0.3 s into the record).
+///     One row for each inertial sample from the first attitude on: at rest 0.3 s into the record with ``mag`` and 1 s
+///     without, in motion later, up to 2 s.
 ///
 /// Raises
 /// ------
