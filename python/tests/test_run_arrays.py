@@ -357,3 +357,20 @@ def test_standing_is_declared_by_arrays(truth: Drive) -> None:
         insnav.run({**declared, "speed": wheels}, config)
     with pytest.raises(insnav.InsnavError, match="neither true nor false"):
         insnav.run({**declared, "standstill": ([5.0], [float("nan")])}, config)
+
+
+def test_one_uncertainty_for_all_rows_in_any_form() -> None:
+    """A number, three, a covariance, and the same for every row give one solution to the last bit."""
+    drive = insnav.sim.Scenario.car_drive(40.0).simulate(1)
+    t, places = drive.arrays["gnss_position"][:2]
+    n = len(np.asarray(t))
+
+    def solved(stated: Any) -> NDArray[np.float64]:
+        return insnav.run({**drive.arrays, "gnss_position": (t, places, stated)}, start=drive.start).latitude_deg
+
+    expected = solved(np.full((n, 3), 2.0))
+    for stated in (2.0, np.array(2.0), [2.0, 2.0, 2.0], 4.0 * np.eye(3), np.tile(4.0 * np.eye(3), (n, 1, 1))):
+        assert np.array_equal(solved(stated), expected)
+    assert not np.array_equal(solved(3.0), expected)
+    with pytest.raises(insnav.ArgumentError, match="not negative"):
+        solved(-1.0)

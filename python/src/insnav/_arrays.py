@@ -25,10 +25,11 @@ class Arrays(TypedDict, total=False):
     imu_increment : (time_s, angle_b_rad, velocity_b_m_per_s)
         In place of ``imu``: what was gained since the row before. Shapes (n,), (n, 3), (n, 3).
     gnss_position : (time_s, latitude_deg_longitude_deg_height_m[, sigma_n_m])
-        Antenna position, height above the ellipsoid. Shapes (n,), (n, 3); standard deviations (n, 3), or (3,) for all
-        rows, NaN where not known; or covariances (n, 3, 3) in squared units, likewise. Below zero they are refused, as
-        are matrices that are no covariance (not symmetric, correlations beyond 1): a driver's -1 for "no estimate" is NaN here
-        (of a log, variances of zero or below are taken for not known, and a fix whose matrix is no covariance is left out and told).
+        Antenna position, height above the ellipsoid. Shapes (n,), (n, 3); standard deviations (n, 3), or (3,) or a number
+        for all rows, NaN where not known; or covariances (n, 3, 3) in squared units, or (3, 3) for all rows (of three rows,
+        (3, 3) are their standard deviations). Below zero they are refused, as are matrices that are no covariance (not symmetric,
+        correlations beyond 1): a driver's -1 for "no estimate" is NaN here (of a log, variances of zero or below are taken for not
+        known, and a fix whose matrix is no covariance is left out and told).
     gnss_velocity : (time_s, velocity_n_m_per_s[, sigma_n_m_per_s])
         Antenna velocity, down NaN for receivers that give speed and course only. Shapes as for positions.
     heading : (time_s, heading_deg, sigma_deg)

@@ -85,7 +85,7 @@ fn at_row(failure: Failure, row: Option<(usize, Time)>) -> Failure {
     }
 }
 
-/// Standard deviations (n, 3) or (3,), covariances (n, 3, 3), or nothing for every row, of which `times` are the stamps.
+/// Standard deviations (n, 3), (3,) or one number, covariances (n, 3, 3) or (3, 3), or nothing for every row, of which `times` are the stamps.
 pub(super) fn stated(
     column: Option<&Argument<'_>>,
     times: &[Time],
@@ -94,22 +94,35 @@ pub(super) fn stated(
     let Some(column) = column else {
         return Ok(vec![Stated::Nothing; rows]);
     };
-    if column.dimensions()? == 3 {
-        let values = column.shaped(&[rows, 3, 3])?;
-        let one = |row: &[f64]| Stated::Covariance(Matrix3::from_row_slice(row));
-        return by_row(column, times, values.chunks_exact(9).map(one));
+    let array = column.numbers()?;
+    let values = array.values();
+    let covariance = |row: &[f64]| Stated::Covariance(Matrix3::from_row_slice(row));
+    let sigma = |row: &[f64]| Stated::Sigma(Vector3::from_column_slice(row));
+    match array.shape() {
+        [] => by_row(column, times, vec![Stated::Sigma(Vector3::repeat(values[0])); rows]),
+        [3] => by_row(column, times, vec![sigma(values); rows]),
+        // Of three rows these are their standard deviations.
+        [n, 3] if *n == rows => by_row(column, times, values.chunks_exact(3).map(sigma)),
+        [3, 3] => by_row(column, times, vec![covariance(values); rows]),
+        [n, 3, 3] if *n == rows => by_row(column, times, values.chunks_exact(9).map(covariance)),
+        other => Err(column.wrong_shape(
+            other,
+            &format!(
+                "standard deviations ({rows}, 3), (3,) or one number, or covariances ({rows}, 3, 3) or (3, 3)"
+            ),
+            "one row per stamp, or one for all",
+        )),
     }
-    let sigmas = column.vectors_or_one(rows)?;
-    by_row(column, times, sigmas.into_iter().map(Stated::Sigma))
 }
 
 /// All of them, unless one cannot be, which is named with its row.
 fn by_row(
     column: &Argument<'_>,
     times: &[Time],
-    stated: impl Iterator<Item = Stated>,
+    stated: impl IntoIterator<Item = Stated>,
 ) -> Result<Vec<Stated>, Failure> {
     stated
+        .into_iter()
         .zip(times)
         .enumerate()
         .map(|(row, (stated, time))| stated.possible(&column.name, Some((row, *time))))
