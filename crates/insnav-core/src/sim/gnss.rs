@@ -122,6 +122,15 @@ impl GnssModel {
             "between 0 and 1",
         )?;
         finite(&[self.outlier_size_m], "gnss.outlier_size_m")?;
+        for outage in &self.outages {
+            finite(&[outage.begin_s, outage.end_s], "gnss.outages")?;
+            require(
+                outage.begin_s < outage.end_s,
+                "gnss.outages",
+                outage.end_s,
+                "later than the outage's begin_s, as an end_s",
+            )?;
+        }
         let thousand = |v, key| within(v, -1e3, 1e3, key, "within ±1000");
         thousand(self.time_offset_s, "gnss.time_offset_s")?;
         thousand(self.velocity_lag_s, "gnss.velocity_lag_s")?;
@@ -569,5 +578,12 @@ mod tests {
             }),
             "gnss.position_colour_tau_s"
         );
+        let outage = |begin_s, end_s| GnssModel {
+            outages: vec![Span { begin_s, end_s }],
+            ..ideal()
+        };
+        assert_eq!(refused(outage(30.0, 20.0)), "gnss.outages");
+        assert_eq!(refused(outage(30.0, f64::NAN)), "gnss.outages");
+        assert!(outage(20.0, 30.0).check().is_ok());
     }
 }

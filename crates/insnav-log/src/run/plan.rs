@@ -206,6 +206,8 @@ impl Plan {
         let span = (first.plus(offset), end.plus(offset));
         let told = outside(&plan.config, origin, span, options.more_follows);
         plan.warnings.extend(told);
+        let told = plan.withhold.outside(origin, span, options.more_follows);
+        plan.warnings.extend(told);
         plan.planning_s = begin.elapsed().as_secs_f64();
         Ok(plan)
     }
@@ -234,6 +236,10 @@ impl Plan {
         // What lies before this part was for the parts before it.
         let span = (saved.origin, end.plus(config.gnss.time_offset_s));
         let told = outside(&config, saved.origin, span, options.more_follows);
+        warnings.extend(told);
+        let told = options
+            .withhold
+            .outside(saved.origin, span, options.more_follows);
         warnings.extend(told);
         Ok(Plan {
             config,

@@ -1,5 +1,6 @@
 //! Fixes kept from the navigator, so that the solution can be judged by them.
 
+use super::report::Warning;
 use insnav_core::time::Time;
 use std::str::FromStr;
 
@@ -40,6 +41,35 @@ impl FromStr for Withhold {
             })
             .collect::<Result<_, _>>()
             .map(Withhold::Intervals)
+    }
+}
+
+impl Withhold {
+    /// A warning of intervals of which nothing lies in the inertial data, which last over `span`.
+    pub(super) fn outside(
+        &self,
+        origin: Time,
+        span: (Time, Time),
+        more_follows: bool,
+    ) -> Option<Warning> {
+        let Withhold::Intervals(intervals) = self else {
+            return None;
+        };
+        let (begin, end) = (span.0.since(origin), span.1.since(origin));
+        let apart = |&&(a, b): &&(f64, f64)| b < begin || (a > end && !more_follows);
+        let listed: Vec<String> = intervals
+            .iter()
+            .filter(apart)
+            .map(|(a, b)| format!("{a}:{b}"))
+            .collect();
+        (!listed.is_empty()).then(|| Warning {
+            code: "withhold_outside",
+            message: format!(
+                "nothing is withheld in {} s: the data last from {begin:.1} to {end:.1} s",
+                listed.join(", ")
+            ),
+            remedy: "intervals count in seconds from the log's zero, which `insnav info` prints; check `--withhold`".into(),
+        })
     }
 }
 
@@ -160,6 +190,24 @@ mod tests {
             [101.9, 102.0, 102.5, 103.0, 103.1].map(|t| w.takes(at(t))),
             [false, true, true, true, false]
         );
+    }
+
+    #[test]
+    fn intervals_outside_the_data_are_told() {
+        let told = |rule: &str, more_follows| {
+            let rule: Withhold = rule.parse().unwrap();
+            let span = (at(100.0), at(160.0));
+            rule.outside(at(100.0), span, more_follows)
+                .map(|w| w.message)
+        };
+        let message = told("10:20,1000:2000", false).expect("a warning");
+        assert!(message.contains("in 1000:2000 s") && message.contains("0.0 to 60.0 s"));
+        assert!(told("-20:-10", true).is_some());
+        // What reaches into the data, or what the next part of a drive may have.
+        for rule in ["50:70", "-5:5", "every:2"] {
+            assert_eq!(told(rule, false), None, "{rule}");
+        }
+        assert_eq!(told("1000:2000", true), None);
     }
 
     #[test]
