@@ -28,7 +28,7 @@ XYZ = np.zeros((5, 3))
         ({"imu": (T.astype("M8[s]").reshape(5, 1), XYZ, XYZ)}, "wrong_shape", ["imu: time_s", "(5, 1)", "(n,)"]),
         ({"imu": (T, 1.0, XYZ)}, "wrong_shape", ["imu: angular_rate_b_rad_per_s", "()", "(5, 3)"]),
         ({"imu": (T, XYZ)}, "wrong_shape", ["imu", "2 columns", "specific_force_b_m_per_s2"]),
-        ({"gnss_position": (T, XYZ, np.zeros(5))}, "wrong_shape", ["sigma_n_m", "(5,)", "(5, 3) or (3,)"]),
+        ({"gnss_position": (T, XYZ, np.zeros(5))}, "wrong_shape", ["sigma_n_m", "(5,)", "(5, 3), (3,) or one number", "(5, 3, 3) or (3, 3)"]),
         ({"heading": (T, T, T[:2])}, "wrong_shape", ["heading: sigma_deg", "(2,)", "(5,)"]),
         ({"imu": (T, [["x", "y", "z"]] * 5, XYZ)}, "not_numbers", ["imu: angular_rate_b_rad_per_s", "could not convert"]),
         ({"imu": (T, [[1.0], [1.0, 2.0]], XYZ)}, "not_numbers", ["imu: angular_rate_b_rad_per_s", "inhomogeneous"]),
@@ -273,3 +273,104 @@ def test_a_start_that_is_none_is_refused_by_name() -> None:
         with pytest.raises(insnav.ArgumentError, match="insnav.Start") as caught:
             call()
         assert caught.value.argument == "start"
+
+
+def _heading(value: float) -> object:
+    state = insnav.mechanization.NavState.from_degrees(50.0, 14.0, 300.0)
+    eskf = insnav.Eskf(state, "consumer", position_sigma=10.0, velocity_sigma=1.0, attitude_sigma=0.1)
+    return eskf.update_heading(value, sigma=0.1)
+
+
+RECORD = np.random.default_rng(0).normal(size=1000)
+
+
+@pytest.mark.parametrize(
+    ("call", "argument", "part"),
+    [
+        (lambda: insnav.noise.overlapping_allan(RECORD, 0.01, [-1]), "samples", "not negative"),
+        (lambda: insnav.noise.overlapping_allan(np.where(np.arange(1000) == 7, np.nan, RECORD), 0.01), "x", r"x\[7\]: is not finite"),
+        (lambda: insnav.noise.lag_covariance(RECORD[:, None], -1), "lags", "not negative"),
+        (lambda: insnav.noise.LagAccumulator(-1, 2), "channels", "not negative"),
+        (lambda: insnav.noise.als_estimate(RECORD, [[0.5]], [[1.0]], [[1.0]], [-1.0, 1.0]), "start", "variances"),
+        (lambda: insnav.noise.als_estimate(RECORD, [[0.5]], [[1.0]], [[1.0]], [1.0, 1.0], rounds=0), "rounds", "at least 1"),
+        (lambda: insnav.sim.white_noise(-1, 1), "count", "not negative"),
+        (lambda: insnav.filter.Gate(patience=-1), "patience", "not negative"),
+        (lambda: insnav.filter.Gate((1.0, 2.0)), "limit", r"\(2,\), expected \(3,\)"),  # type: ignore[arg-type]
+        (lambda: insnav.filter.Gate((-1.0, 2.0, 3.0)), "limit", "not negative"),
+        (lambda: insnav.filter.ImuNoise.from_data_sheet(-1, 1, 1, 1), "gyro_arw_deg_per_sqrt_hour", "not negative"),
+        (lambda: insnav.filter.ImuNoise.from_data_sheet(1, 1, 1, 1, gyro_bias_tau_s=0), "gyro_bias_tau_s", "above 0"),
+        (lambda: _heading(130.0), "heading", r"radians.*np\.radians\(130\)"),
+        (lambda: insnav.stationary.quantile_of_squares(-1, 2, 3), "mean", "above 0"),
+        (lambda: insnav.Navigator().step_standstill(1.0, float("nan")), "standing", "True or False"),  # type: ignore[arg-type]
+        (lambda: insnav.Navigator().step("standstill", 1.0, float("nan")), "standing", "True or False"),
+        (
+            lambda: insnav.mechanization.increments(T, np.where(np.arange(5)[:, None] == 3, np.nan, XYZ), XYZ),
+            "angular_rate_b",
+            r"angular_rate_b\[3\]: is not finite",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(call: Any, argument: str, part: str) -> None:
+    with pytest.raises(insnav.ArgumentError, match=part) as caught:
+        call()
+    assert caught.value.argument == argument
+
+
+def test_what_is_at_the_edge_is_taken() -> None:
+    """The negative control of the refusals above."""
+    assert insnav.filter.Gate((0.0, np.inf, 3.0), patience=0).patience == 0
+    assert insnav.filter.ImuNoise.from_data_sheet(0, 0, 0, 0).gyro_white == 0
+    assert _heading(-6.2) is not None
+    assert insnav.sim.white_noise(0, 1).shape == (0, 3)
+    navigator = insnav.Navigator()
+    for standing in (True, np.True_, 1.0, 0):
+        navigator.step_standstill(1.0, standing)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="withhold: expected intervals"):
+        insnav.run({"imu": (T, XYZ, XYZ)}, withhold=[(1, 2)])  # type: ignore[arg-type]
+
+
+def test_settings_are_taken_as_text() -> None:
+    """That of another run, or one's own; a mistake in it is told as in a file."""
+    drive = insnav.sim.Scenario.car_drive(40.0).simulate(1)
+    first = insnav.run(drive.arrays, {"gnss": {"sigma_floor_m": 0.05}}, start=drive.start)
+    again = insnav.run(drive.arrays, first.summary["config"], start=drive.start)
+    assert again.summary["config"] == first.summary["config"]
+    assert np.array_equal(again.latitude_deg, first.latitude_deg)
+    with pytest.raises(insnav.ConfigError, match="unknown key `gnss.sigma_flor_m`"):
+        insnav.run(drive.arrays, "[gnss]\nsigma_flor_m = 0.05")
+    # What has one line is a path still.
+    with pytest.raises(insnav.ConfigError, match="car.toml"):
+        insnav.run(drive.arrays, "car.toml")
+
+
+def test_remedies_for_arrays_do_not_speak_of_logs() -> None:
+    drive = insnav.sim.Scenario.car_drive(120.0).simulate(1)
+    t, velocity, sigma = drive.arrays["gnss_velocity"]
+    as_enu = np.asarray(velocity)[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    with pytest.warns(insnav.InsnavWarning) as caught:
+        insnav.run({**drive.arrays, "gnss_velocity": (t, as_enu, sigma)}, start=drive.start)
+    texts = [str(w.message) for w in caught]
+    told = [text for text in texts if "only when it is taken as" in text]
+    assert len(told) == 1 and "taken as enu" in told[0], texts
+    assert "columns of `gnss_velocity` as north, east, down: these look like enu" in told[0]
+    assert not any("`--" in text or "insnav info" in text for text in texts), texts
+    with pytest.raises(insnav.InsnavError) as none:
+        insnav.run({"gnss_position": drive.arrays["gnss_position"]})
+    assert "`imu`" in none.value.remedy and "topic" not in none.value.remedy
+    position = drive.arrays["gnss_position"]
+    with pytest.raises(insnav.InsnavError) as later:
+        insnav.run({**drive.arrays, "gnss_position": (np.asarray(position[0]) + 1e6, *position[1:])})
+    assert "stamps" in later.value.remedy and "time_source" not in later.value.remedy
+
+
+def test_intervals_outside_the_data_are_told() -> None:
+    drive = insnav.sim.Scenario.car_drive(40.0).simulate(1)
+    with pytest.warns(insnav.InsnavWarning, match=r"nothing is withheld in 1000:2000 s: the data last from 0\.0 to 40\.0 s"):
+        insnav.run(drive.arrays, start=drive.start, withhold="30:35,1000:2000")
+
+
+def test_an_outage_that_ends_before_it_begins_is_refused() -> None:
+    scenario = insnav.sim.Scenario.car_drive(40.0)
+    with pytest.raises(insnav.ConfigError, match=r"gnss\.outages.*later"):
+        scenario.replace(gnss={"outages": [{"begin_s": 30.0, "end_s": 20.0}]}).simulate(1)
+    assert len(scenario.replace(gnss={"outages": [{"begin_s": 20.0, "end_s": 30.0}]}).simulate(1).arrays["gnss_position"][0])

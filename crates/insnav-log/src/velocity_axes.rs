@@ -26,6 +26,12 @@ impl Default for VelocityAxes {
 const LETTERS: [[char; 2]; 3] = [['e', 'w'], ['n', 's'], ['u', 'd']];
 
 impl VelocityAxes {
+    /// North, east, down, as arrays have them.
+    pub(crate) const NED: Self = VelocityAxes {
+        component: [1, 0, 2],
+        reversed: [false, false, true],
+    };
+
     /// East, north, up of a message. Component by component: a product would spread a NaN.
     pub(crate) fn to_enu(self, v: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|i, _| self.sign(i) * v[self.component[i]])

@@ -1,7 +1,7 @@
 //! Errors and warnings as Python sees them: a class by what is wrong, a code for programs, a message, a remedy for people, and what
 //! the error is about as attributes.
 
-use crate::remedy::in_python;
+use crate::remedy::{self, in_python};
 use insnav_core::alignment::Refusal;
 use insnav_core::error::Error as CoreError;
 use insnav_core::noise;
@@ -162,6 +162,13 @@ impl Failure {
         self
     }
 
+    /// The same where arrays were given in place of a log: remedies do not speak of topics.
+    pub(crate) fn of_arrays(mut self) -> Self {
+        let remedy = &mut self.0.problem.remedy;
+        *remedy = remedy::of_arrays(remedy);
+        self
+    }
+
     /// The first of several.
     pub(crate) fn with_others(mut self, others: usize) -> Self {
         let message = &mut self.0.problem.message;
@@ -231,6 +238,15 @@ pub(crate) fn warn(py: Python<'_>, warning: &Warning) -> PyResult<()> {
     py.import("warnings")?
         .call_method1("warn", (text, category))?;
     Ok(())
+}
+
+/// The same where arrays were given in place of a log.
+pub(crate) fn warn_of_arrays(py: Python<'_>, warning: &Warning) -> PyResult<()> {
+    let told = Warning {
+        remedy: remedy::of_arrays(&warning.remedy),
+        ..warning.clone()
+    };
+    warn(py, &told)
 }
 
 impl From<LogError> for Failure {

@@ -1,7 +1,7 @@
 //! `insnav.run`: the main job, as the command does it.
 
 use crate::epochs::EpochColumns;
-use crate::failure::{Failure, fail, warn};
+use crate::failure::{Failure, fail, warn, warn_of_arrays};
 use crate::inputs;
 use crate::interrupt::{Stop, interruptible};
 use crate::known_start;
@@ -29,9 +29,10 @@ use std::path::{Path, PathBuf};
 /// ----------
 /// log : path or Arrays
 ///     An MCAP file with ROS 2, ROS 1, JSON or foxglove protobuf messages, or a mapping of arrays (see :class:`Arrays`).
-/// config : mapping or path, optional
+/// config : mapping, path or TOML text, optional
 ///     Settings: a mapping with the sections and keys of the TOML file, such as
-///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, or the path of a file. Seconds in it (``stationary.intervals_s``) count
+///     ``{"gnss": {"lever_arm_b_m": [0.5, 0.0, -1.2]}}``, the path of a file, or the text of one, such as ``summary["config"]`` of
+///     another run (what has more than one line is no path). Seconds in it (``stationary.intervals_s``) count
 ///     from the log's zero, ``solution.t0_ns``: of arrays that of their ``time_s``.
 /// output : path, optional
 ///     Where to write the solution as MCAP, for RViz, Foxglove, rerun, PlotJuggler and evo.
@@ -78,7 +79,7 @@ use std::path::{Path, PathBuf};
 /// >>> import insnav
 /// >>> rng = np.random.default_rng(0)
 /// >>> imu = (np.arange(0, 20, 0.01), rng.normal(0, 2e-4, (2000, 3)), [0, 0, -9.81] + rng.normal(0, 2e-2, (2000, 3)))
-/// >>> solution = insnav.run({"imu": imu}, imu_only=True)
+/// >>> solution = insnav.run({"imu": imu}, {"imu": {"grade": "consumer"}}, imu_only=True)
 /// >>> bool(abs(solution.velocity_n_m_per_s).max() < 0.01)
 /// True
 #[pyfunction]
@@ -94,7 +95,7 @@ pub(crate) fn run<'py>(
     output: Option<PathBuf>,
     overwrite: bool,
     time_offset_s: Option<&Bound<'_, PyAny>>,
-    withhold: Option<&str>,
+    withhold: Option<&Bound<'_, PyAny>>,
     imu_only: bool,
     start: Option<&Bound<'_, PyAny>>,
     topics: Option<Named<String>>,
@@ -121,7 +122,13 @@ pub(crate) fn run<'py>(
             options.ignore_clocks = true;
         }
     }
-    if let Some(text) = withhold {
+    if let Some(given) = withhold {
+        let text: &str = given.extract().map_err(|_| {
+            PyTypeError::new_err(format!(
+                "withhold: expected intervals as \"120:150,300:330\", or \"every:2\", not {}",
+                given.get_type()
+            ))
+        })?;
         options.withhold = text.parse().map_err(|e| {
             fail(
                 Failure::new(
@@ -152,11 +159,11 @@ pub(crate) fn run<'py>(
         }
         let arrays = inputs::arrays(mapping, &job.config)?;
         if job.config.gnss.used {
-            arrays.has_places().map_err(fail)?;
+            arrays.has_places().map_err(|e| fail(e.of_arrays()))?;
         }
         interruptible(py, move |stop| {
             job.run(&arrays, &[], stop)
-                .map_err(|e| e.counted_from(Some(arrays.zero())))
+                .map_err(|e| e.counted_from(Some(arrays.zero())).of_arrays())
         })?
     } else if let Ok(path) = log.extract::<PathBuf>() {
         let reading = for_reading
@@ -180,8 +187,12 @@ pub(crate) fn run<'py>(
         )));
     };
     let (plan, epochs, updates, withheld, report) = done.map_err(fail)?;
+    let is_arrays = log.cast::<PyMapping>().is_ok();
     for warning in &report.warnings {
-        warn(py, warning)?;
+        match is_arrays {
+            true => warn_of_arrays(py, warning)?,
+            false => warn(py, warning)?,
+        }
     }
     let summary = dictionary(py, serde_json::to_string(&report))?;
     solution(py, epochs, &updates, &withheld, plan.origin, &summary)

@@ -1,4 +1,4 @@
-//! Settings from Python: a mapping with the keys of the TOML file, or the path of one.
+//! Settings from Python: a mapping with the keys of the TOML file, the path of one, or its text.
 
 use crate::failure::Failure;
 use insnav_core::config::Config;
@@ -17,15 +17,23 @@ pub(crate) fn config(given: Option<&Bound<'_, PyAny>>) -> PyResult<Config> {
     let config = if let Ok(mapping) = given.cast::<PyMapping>() {
         let table = table(mapping, "config")?;
         parse_config(&table.to_string(), "config", &[])
+    } else if let Some(text) = toml_text(given) {
+        parse_config(&text, "config", &[])
     } else if let Ok(path) = given.extract::<PathBuf>() {
         load_config(Some(&path), &[])
     } else {
         return Err(PyTypeError::new_err(format!(
-            "config: expected a mapping or the path of a TOML file, not {}",
+            "config: expected a mapping, the path of a TOML file or its text, not {}",
             given.get_type()
         )));
     };
     config.map_err(|e| Failure::from(e).into_py_err(py))
+}
+
+/// Text of TOML, as `summary["config"]` is: with a line's end in it, which no name of a file has.
+fn toml_text(given: &Bound<'_, PyAny>) -> Option<String> {
+    let text = given.cast::<PyString>().ok()?.to_str().ok()?;
+    text.contains('\n').then(|| text.to_owned())
 }
 
 /// What the settings say to the reader of logs.
@@ -36,6 +44,8 @@ pub(crate) fn for_reading(given: Option<&Bound<'_, PyAny>>) -> PyResult<LogSetti
     let py = given.py();
     let settings = if let Ok(mapping) = given.cast::<PyMapping>() {
         LogSettings::parse(&table(mapping, "config")?.to_string(), "config", &[])
+    } else if let Some(text) = toml_text(given) {
+        LogSettings::parse(&text, "config", &[])
     } else if let Ok(path) = given.extract::<PathBuf>() {
         LogSettings::load(Some(&path), &[])
     } else {
@@ -62,13 +72,18 @@ pub(crate) fn given_settings<'py>(
     let table = if let Ok(mapping) = given.cast::<PyMapping>() {
         table(mapping, "config")?
     } else {
-        let path: PathBuf = given.extract()?;
-        let text = std::fs::read_to_string(&path)?;
+        let (text, origin) = match toml_text(given) {
+            Some(text) => (text, "config".to_owned()),
+            None => {
+                let path: PathBuf = given.extract()?;
+                (std::fs::read_to_string(&path)?, path.display().to_string())
+            }
+        };
         // Both readers have taken it, so that this is for a file that changes meanwhile.
         text.parse().map_err(|e: toml::de::Error| {
             Failure::new(
                 "config_syntax",
-                format!("{}: {e}", path.display()),
+                format!("{origin}: {e}"),
                 "see the documentation of TOML",
             )
             .into_py_err(py)

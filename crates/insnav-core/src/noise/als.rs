@@ -81,6 +81,26 @@ pub fn als_estimate(
             expected: format!("{}, one for each unknown", basis.len()),
         });
     }
+    if options.rounds == 0 {
+        return Err(Refusal::Setting {
+            what: "rounds",
+            value: 0.0,
+            expected: "at least 1",
+        });
+    }
+    for block in [Block::Process, Block::Measurement] {
+        let variances = basis.covariance(block, start).diagonal();
+        if let Some(value) = variances
+            .iter()
+            .find(|v| !(0.0..f64::INFINITY).contains(*v))
+        {
+            return Err(Refusal::Setting {
+                what: "start",
+                value: *value,
+                expected: "variances that are finite and not negative",
+            });
+        }
+    }
     if y.iter().any(|run| run.iter().any(|v| !v.is_finite())) {
         return Err(Refusal::NotFinite {
             what: "measurement",

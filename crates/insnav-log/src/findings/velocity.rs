@@ -2,6 +2,7 @@
 
 use super::fit::{Pair, Turn, slope, turn};
 use super::{Facts, Finding, Severity};
+use crate::velocity_axes::VelocityAxes;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
@@ -101,7 +102,12 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
     // that tells is the usual one, north, east, down.
     let down_reversed = vertical.map_or(is_mirrored, |s| s < 0.0);
     let axes = turned_axes(is_mirrored, quarter as i32, down_reversed);
-    let name = facts.options().gnss_velocity_axes.turned(axes);
+    // Arrays are north, east, down by definition, and no flag turns them.
+    let read_as = match facts.source.options {
+        Some(_) => facts.options().gnss_velocity_axes,
+        None => VelocityAxes::NED,
+    };
+    let name = read_as.turned(axes);
     let what = if turned {
         format!("GNSS velocity fits the positions only when it is taken as {name}")
     } else {
@@ -109,15 +115,18 @@ pub(super) fn find(facts: &Facts<'_>) -> Option<Finding> {
             "the vertical GNSS velocity has the sign of its height reversed: it fits the positions as {name}"
         )
     };
-    Some(
-        Finding::new(
-            "velocity_axes",
-            Severity::Warning,
-            evidence(&what),
-            consequence,
-        )
-        .flag(format!("--gnss-velocity-axes {name}")),
-    )
+    let finding = Finding::new(
+        "velocity_axes",
+        Severity::Warning,
+        evidence(&what),
+        consequence,
+    );
+    Some(match facts.source.options {
+        Some(_) => finding.flag(format!("--gnss-velocity-axes {name}")),
+        None => finding.remedy(format!(
+            "give the columns of `gnss_velocity` as north, east, down: these look like {name}"
+        )),
+    })
 }
 
 impl Finding {

@@ -1,7 +1,8 @@
 //! The only place where numpy arrays and the core's vectors meet.
 //!
-//! `Argument` is one on its way in: `times`, `vectors` and `matrices` read it. `made` has what goes out.
+//! `Argument` is one on its way in: `times`, `vectors` and `matrices` read it, `counts` whole numbers. `made` has what goes out.
 
+pub(crate) mod counts;
 mod made;
 mod matrices;
 mod times;
@@ -113,12 +114,12 @@ impl<'py> Argument<'py> {
         self.wrong_shape(received, expected, "one row per stamp")
     }
 
-    fn wrong_shape(&self, received: &[usize], expected: &str, remedy: &str) -> Failure {
+    pub(crate) fn wrong_shape(&self, received: &[usize], expected: &str, remedy: &str) -> Failure {
         let received = format!("shape {}", shape_text(received));
         Failure::argument("wrong_shape", &self.name, received, expected, remedy)
     }
 
-    fn not_finite(&self, row: Option<usize>, remedy: &str) -> Failure {
+    pub(crate) fn not_finite(&self, row: Option<usize>, remedy: &str) -> Failure {
         let place = row.map_or_else(String::new, |row| format!("[{row}]"));
         let message = format!("{}{place}: is not finite", self.name);
         Failure::new("not_finite", message, remedy).about(&self.name, "not finite", "finite")
@@ -174,11 +175,6 @@ impl<'py> Argument<'py> {
             .map_err(|_| self.wrong(&shape_of(&array), "(n,)"))?
             .readonly();
         Ok(array.as_array().iter().copied().collect())
-    }
-
-    /// Number of its dimensions.
-    pub(crate) fn dimensions(&self) -> Result<usize, Failure> {
-        Ok(shape_of(&self.asarray(None)?).len())
     }
 }
 

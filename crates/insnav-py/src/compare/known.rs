@@ -38,31 +38,3 @@ fn abbreviated<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     };
     known.iter().copied().find(|known| is_short(known))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_that_are_cut_short_are_found_before_those_that_look_alike() {
-        let known = [
-            "time_s",
-            "latitude_deg",
-            "longitude_deg",
-            "height_m",
-            "velocity_n_m_per_s",
-            "roll_deg",
-        ];
-        for (name, meant) in [
-            ("lat_deg", "latitude_deg"),
-            ("lon_deg", "longitude_deg"),
-            ("height", "height_m"),
-            ("vel_n", "velocity_n_m_per_s"),
-        ] {
-            assert_eq!(abbreviated(name, &known), Some(meant));
-        }
-        assert_eq!(abbreviated("yaw_deg", &known), None);
-        // By spelling alone a longitude would be a roll.
-        assert_eq!(nearest("lon_deg", &known), Some("roll_deg"));
-    }
-}

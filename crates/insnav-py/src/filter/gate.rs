@@ -1,5 +1,6 @@
 //! `insnav.filter.Gate`.
 
+use crate::arrays::{Argument, counts};
 use crate::failure::Failure;
 use crate::pickle;
 use insnav_core::filter;
@@ -23,25 +24,45 @@ use pyo3::types::PyTuple;
 #[pyclass(module = "insnav.filter")]
 pub(crate) struct Gate(pub(super) filter::Gate);
 
+impl Argument<'_> {
+    /// Shape (3,): what a squared residual may be at most.
+    fn three_limits(&self) -> Result<[f64; 3], Failure> {
+        let array = self.numbers()?;
+        let ([3], &[a, b, c]) = (array.shape(), array.values()) else {
+            return Err(self.wrong_shape(
+                array.shape(),
+                "(3,)",
+                "one limit each for 1, 2 and 3 degrees of freedom",
+            ));
+        };
+        if [a, b, c].iter().all(|x| *x >= 0.0) {
+            return Ok([a, b, c]);
+        }
+        Err(Failure::argument(
+            "bad_value",
+            &self.name,
+            format!("{:?}", array.values()),
+            "three numbers that are not negative",
+            "Gate.closed() lets nothing through",
+        ))
+    }
+}
+
 #[pymethods]
 impl Gate {
     #[new]
     #[pyo3(signature = (limit=None, *, patience=10))]
-    fn new(py: Python<'_>, limit: Option<[f64; 3]>, patience: u32) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        limit: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = counts::patience)] patience: u32,
+    ) -> PyResult<Self> {
         let mut gate = filter::Gate::default();
         if let Some(limit) = limit {
-            if limit.iter().any(|x| x.is_nan()) {
-                let expected = "three numbers";
-                return Err(Failure::argument(
-                    "bad_value",
-                    "limit",
-                    format!("{limit:?}"),
-                    expected,
-                    "",
-                )
-                .into_py_err(py));
-            }
-            gate.limit = limit;
+            let limits = Argument::new("limit", limit)
+                .three_limits()
+                .map_err(|e| e.into_py_err(py))?;
+            gate.limit = limits;
         }
         gate.patience = patience;
         Ok(Gate(gate))

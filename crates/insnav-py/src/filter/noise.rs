@@ -151,6 +151,35 @@ pub(crate) fn noise_from_data_sheet(
     gyro_bias_tau_s: f64,
     accel_bias_tau_s: f64,
 ) -> PyResult<Bound<'_, PyAny>> {
+    let stated = [
+        ("gyro_arw_deg_per_sqrt_hour", gyro_arw_deg_per_sqrt_hour),
+        (
+            "accel_vrw_m_per_s_per_sqrt_hour",
+            accel_vrw_m_per_s_per_sqrt_hour,
+        ),
+        ("gyro_bias_deg_per_hour", gyro_bias_deg_per_hour),
+        ("accel_bias_mg", accel_bias_mg),
+    ];
+    for (name, value) in stated {
+        if !(value.is_finite() && value >= 0.0) {
+            let (received, expected) = (value.to_string(), "finite and not negative");
+            return Err(
+                Failure::argument("bad_value", name, received, expected, "").into_py_err(py)
+            );
+        }
+    }
+    for (name, value) in [
+        ("gyro_bias_tau_s", gyro_bias_tau_s),
+        ("accel_bias_tau_s", accel_bias_tau_s),
+    ] {
+        // Infinity is a constant bias.
+        if value.is_nan() || value <= 0.0 {
+            let (received, expected) = (value.to_string(), "above 0");
+            return Err(
+                Failure::argument("bad_value", name, received, expected, "").into_py_err(py)
+            );
+        }
+    }
     told(
         py,
         &ImuNoise::from_data_sheet(

@@ -122,7 +122,18 @@ fn build<'py>(
     };
     let given = || {
         let times = Argument::new("time_s", time_s).times()?;
-        let (a, b) = (read(a, times.len())?, read(b, times.len())?);
+        let (names, a, b) = ([a.0, b.0], read(a, times.len())?, read(b, times.len())?);
+        for (name, rows) in names.into_iter().zip([a.values(), b.values()]) {
+            if let Some(at) = rows.iter().position(|v| !v.is_finite()) {
+                return Err(Failure::new(
+                    "not_finite",
+                    format!("{name}[{}]: is not finite", at / 3),
+                    "drop that row of all columns",
+                )
+                .about(name, "not finite", "finite")
+                .at(times[at / 3]));
+            }
+        }
         Ok((times, a, b))
     };
     let (times, a, b) = given().map_err(fail(py))?;

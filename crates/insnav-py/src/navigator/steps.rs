@@ -203,9 +203,10 @@ impl Navigator {
         &mut self,
         py: Python<'_>,
         time_s: &Any<'_>,
-        standing: bool,
+        standing: &Any<'_>,
     ) -> PyResult<()> {
         let time = time(time_s, self.zero).map_err(fail(py))?;
+        let standing = truth("standing", standing).map_err(fail(py))?;
         self.push(py, &Sample::Standstill(Standstill { time, standing }))
     }
 
@@ -301,9 +302,32 @@ impl Navigator {
             "gnss_position" => self.step_gnss_position(py, &t, &a, third()?.as_ref()),
             "gnss_velocity" => self.step_gnss_velocity(py, &t, &a, third()?.as_ref()),
             "heading" => self.step_heading(py, &t, a.extract()?, item(2)?.extract()?),
-            "standstill" => self.step_standstill(py, &t, a.is_truthy()?),
+            "standstill" => self.step_standstill(py, &t, &a),
             "magnetic_field" => self.step_magnetic_field(py, &t, &a),
             _ => self.step_speed(py, &t, a.extract()?),
+        }
+    }
+}
+
+/// Whether something is so: a bool, or a number as arrays have it.
+fn truth(name: &str, given: &Any<'_>) -> Result<bool, Failure> {
+    if let Ok(truth) = given.extract::<bool>() {
+        return Ok(truth);
+    }
+    match given.extract::<f64>() {
+        Ok(number) if !number.is_nan() => Ok(number != 0.0),
+        _ => {
+            let received = given
+                .repr()
+                .map_or_else(|_| "something else".to_owned(), |text| text.to_string());
+            let remedy = "leave the step out where nobody says anything";
+            Err(Failure::argument(
+                "bad_value",
+                name,
+                received,
+                "True or False",
+                remedy,
+            ))
         }
     }
 }

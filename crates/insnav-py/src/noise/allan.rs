@@ -2,7 +2,7 @@
 
 use super::found;
 use super::refusal::refused;
-use crate::arrays::Argument;
+use crate::arrays::{Argument, counts};
 use crate::failure::fail;
 use crate::interrupt::interruptible;
 use insnav_core::noise::{self, AllanPoint, averaging_samples};
@@ -32,11 +32,16 @@ const PER_OCTAVE: usize = 2;
 pub(crate) fn overlapping_allan<'py>(
     x: &Bound<'py, PyAny>,
     step_s: f64,
-    samples: Option<Vec<usize>>,
+    #[pyo3(from_py_with = counts::samples)] samples: Option<Vec<usize>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = x.py();
     let fail = fail(py);
-    let record = Argument::new("x", x).column(None).map_err(fail)?;
+    let argument = Argument::new("x", x);
+    let record = argument.column(None).map_err(fail)?;
+    if let Some(row) = record.iter().position(|v| !v.is_finite()) {
+        let remedy = "cut the record where samples are missing: an average must not span a gap";
+        return Err(fail(argument.not_finite(Some(row), remedy)));
+    }
     let averaged = samples.unwrap_or_else(|| averaging_samples(record.len(), PER_OCTAVE));
     let points = interruptible(py, move |_| {
         noise::overlapping_allan(&record, step_s, &averaged)

@@ -3,7 +3,7 @@
 use super::arguments::{Solving, basis, known, lags as checked, model, rounds, runs};
 use super::found;
 use super::refusal::refused;
-use crate::arrays::{Argument, matrix, scalars, square_stack};
+use crate::arrays::{Argument, counts, matrix, scalars, square_stack};
 use crate::failure::fail;
 use crate::interrupt::interruptible;
 use crate::named::Named;
@@ -91,7 +91,7 @@ impl Design {
 #[pyo3(signature = (nu, lags, runs=None))]
 pub(crate) fn lag_covariance<'py>(
     nu: &Bound<'py, PyAny>,
-    lags: usize,
+    #[pyo3(from_py_with = counts::lags)] lags: usize,
     runs: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let py = nu.py();
@@ -142,7 +142,7 @@ pub(crate) fn als_design<'py>(
     H: &Bound<'py, PyAny>,
     L: &Bound<'py, PyAny>,
     basis: Option<&Bound<'py, PyAny>>,
-    lags: usize,
+    #[pyo3(from_py_with = counts::lags)] lags: usize,
 ) -> PyResult<Design> {
     let py = F.py();
     let fail = fail(py);
@@ -206,7 +206,7 @@ pub(crate) fn als_solve<'py>(
     weight: &str,
     constraint: &str,
     known: Option<Named<f64>>,
-    reweights: usize,
+    #[pyo3(from_py_with = counts::reweights)] reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -288,16 +288,16 @@ pub(crate) fn als_estimate<'py>(
     H: &Bound<'py, PyAny>,
     start: &Bound<'py, PyAny>,
     basis: Option<&Bound<'py, PyAny>>,
-    lags: usize,
-    rounds: usize,
-    skip: usize,
+    #[pyo3(from_py_with = counts::lags)] lags: usize,
+    #[pyo3(from_py_with = counts::rounds)] rounds: usize,
+    #[pyo3(from_py_with = counts::skip)] skip: usize,
     runs: Option<&Bound<'py, PyAny>>,
     gain: Option<&Bound<'py, PyAny>>,
     hold_unidentified: bool,
     weight: &str,
     constraint: &str,
     known: Option<Named<f64>>,
-    reweights: usize,
+    #[pyo3(from_py_with = counts::reweights)] reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -390,11 +390,11 @@ pub(crate) fn als_estimate_ltv<'py>(
     nu: &Bound<'py, PyAny>,
     P0: &Bound<'py, PyAny>,
     basis: Option<&Bound<'py, PyAny>>,
-    lags: usize,
+    #[pyo3(from_py_with = counts::lags)] lags: usize,
     weight: &str,
     constraint: &str,
     known: Option<Named<f64>>,
-    reweights: usize,
+    #[pyo3(from_py_with = counts::reweights)] reweights: usize,
     least_independent: f64,
     trace_penalty: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -475,8 +475,8 @@ pub(crate) fn mdm_estimate<'py>(
     G: &Bound<'py, PyAny>,
     H: &Bound<'py, PyAny>,
     basis: Option<&Bound<'py, PyAny>>,
-    span: usize,
-    reweights: usize,
+    #[pyo3(from_py_with = counts::span)] span: usize,
+    #[pyo3(from_py_with = counts::reweights)] reweights: usize,
     known: Option<Named<f64>>,
     runs: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {

@@ -1,7 +1,7 @@
 //! The design of a channel with two states, in closed form.
 
 use super::arguments;
-use crate::arrays::{Argument, matrix, scalars};
+use crate::arrays::{Argument, counts, matrix, scalars};
 use crate::failure::{Failure, fail};
 use crate::pickle;
 use insnav_core::noise::ChannelColumns;
@@ -41,7 +41,7 @@ impl ChannelDesign {
         F: &Bound<'_, PyAny>,
         H: &Bound<'_, PyAny>,
         L: &Bound<'_, PyAny>,
-        lags: usize,
+        #[pyo3(from_py_with = counts::lags)] lags: usize,
     ) -> PyResult<Self> {
         let py = F.py();
         let fail = fail(py);

@@ -2,7 +2,7 @@
 
 use super::arguments::{self, MOST_SUMS};
 use super::refusal::{refusal, refused};
-use crate::arrays::{Argument, scalars, square_stack};
+use crate::arrays::{Argument, counts, scalars, square_stack};
 use crate::failure::{Failure, fail};
 use crate::interrupt::Signals;
 use crate::pickle;
@@ -39,7 +39,12 @@ pub(crate) struct LagAccumulator(LagSums);
 impl LagAccumulator {
     #[new]
     #[pyo3(signature = (channels, lags, *, retention=1.0))]
-    fn new(py: Python<'_>, channels: usize, lags: usize, retention: f64) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = counts::channels)] channels: usize,
+        #[pyo3(from_py_with = counts::lags)] lags: usize,
+        retention: f64,
+    ) -> PyResult<Self> {
         let sizes = arguments::lags(lags).and_then(|lags| {
             // Before memory is asked for: as many sums as a record could fill at most.
             let fits = channels.saturating_mul(channels).saturating_mul(lags) <= MOST_SUMS;

@@ -1,6 +1,7 @@
 //! The published experiments, by the command's own functions.
 
 use super::sources::seed as seed_of;
+use crate::arrays::counts;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::run::dictionary;
@@ -69,7 +70,7 @@ fn made<'py>(
 #[pyo3(signature = (runs=None, *, seed=1, imu=None, multi_stop=false, jobs=None))]
 pub(crate) fn kozadaev2017(
     py: Python<'_>,
-    runs: Option<u32>,
+    #[pyo3(from_py_with = counts::runs)] runs: Option<u32>,
     #[pyo3(from_py_with = seed_of)] seed: u64,
     imu: Option<PathBuf>,
     multi_stop: bool,
@@ -120,7 +121,7 @@ pub(crate) fn kozadaev2017(
 #[pyo3(signature = (runs=None, *, seed=1, drive=false, jobs=None))]
 pub(crate) fn lobusov2014(
     py: Python<'_>,
-    runs: Option<u32>,
+    #[pyo3(from_py_with = counts::runs)] runs: Option<u32>,
     #[pyo3(from_py_with = seed_of)] seed: u64,
     drive: bool,
     jobs: Option<u16>,
@@ -162,7 +163,7 @@ pub(crate) fn lobusov2014(
 #[pyo3(signature = (runs=None, *, seed=1, imu=None, jobs=None))]
 pub(crate) fn belokurov2018(
     py: Python<'_>,
-    runs: Option<u32>,
+    #[pyo3(from_py_with = counts::runs)] runs: Option<u32>,
     #[pyo3(from_py_with = seed_of)] seed: u64,
     imu: Option<PathBuf>,
     jobs: Option<u16>,

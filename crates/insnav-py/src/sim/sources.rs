@@ -1,6 +1,6 @@
 //! Seeded random sources, those of which a simulation is made.
 
-use crate::arrays::Argument;
+use crate::arrays::{Argument, counts};
 use crate::failure::{Failure, fail};
 use crate::geometry::rows::shaped;
 use crate::interrupt::Signals;
@@ -62,7 +62,7 @@ fn source(seed: u64, stream: &str) -> Result<Source, Failure> {
 #[pyo3(signature = (count, seed, *, stream="initial"))]
 pub(crate) fn white_noise<'py>(
     py: Python<'py>,
-    count: usize,
+    #[pyo3(from_py_with = counts::count)] count: usize,
     #[pyo3(from_py_with = seed)] seed: u64,
     stream: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -110,7 +110,7 @@ pub(crate) fn white_noise<'py>(
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn gauss_markov<'py>(
     py: Python<'py>,
-    count: usize,
+    #[pyo3(from_py_with = counts::count)] count: usize,
     step_s: f64,
     sigma: &Bound<'py, PyAny>,
     tau_s: f64,

@@ -31,8 +31,29 @@ use pyo3::types::PyDict;
 /// >>> bool(abs(stationary.quantile_of_squares(100, 200, 3.090) / 149.449 - 1) < 0.015)  # as in tables
 /// True
 #[pyfunction]
-pub(crate) fn quantile_of_squares(mean: f64, variance: f64, normal_quantile: f64) -> f64 {
-    of_squares(mean, variance, normal_quantile)
+pub(crate) fn quantile_of_squares(
+    py: Python<'_>,
+    mean: f64,
+    variance: f64,
+    normal_quantile: f64,
+) -> PyResult<f64> {
+    for (name, value, fits, expected) in [
+        ("mean", mean, mean > 0.0, "finite and above 0"),
+        ("variance", variance, variance > 0.0, "finite and above 0"),
+        ("normal_quantile", normal_quantile, true, "finite"),
+    ] {
+        if !(fits && value.is_finite()) {
+            let received = value.to_string();
+            return Err(fail(py)(Failure::argument(
+                "bad_value",
+                name,
+                received,
+                expected,
+                "",
+            )));
+        }
+    }
+    Ok(of_squares(mean, variance, normal_quantile))
 }
 
 /// One of the four detectors of [Skog10] over windows that slide by one sample.

@@ -17,6 +17,7 @@ use insnav_core::time::Time;
 use nalgebra::Matrix2;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
+use std::f64::consts::TAU;
 
 #[pymethods]
 impl Eskf {
@@ -137,7 +138,7 @@ impl Eskf {
     /// Parameters
     /// ----------
     /// heading : float
-    ///     Clockwise from true north, rad.
+    ///     Clockwise from true north, rad; within a turn either way, so that degrees are not taken for it.
     /// sigma : float
     ///     Standard deviation, rad.
     /// time_s, gate
@@ -157,6 +158,15 @@ impl Eskf {
         gate: GivenGate<'_, 'py>,
     ) -> PyResult<Any<'py>> {
         let sigma = positive("sigma", sigma).map_err(fail(py))?;
+        if heading.is_finite() && heading.abs() > TAU {
+            return Err(fail(py)(Failure::argument(
+                "bad_value",
+                "heading",
+                heading.to_string(),
+                "radians, within a turn either way",
+                format!("if these are degrees, np.radians({heading})"),
+            )));
+        }
         self.weigh(py, &HeadingModel { heading, sigma }, time_s, gate)
     }
 
