@@ -288,13 +288,16 @@ fn by_filter(samples: &[Sample], velocity_lag: f64) -> insnav::error::Result<Clo
     )
 }
 
+/// A drive whose clocks differ by so many seconds.
+type Drive = fn(f64) -> Scenario;
+
 /// Errors over sigmas of ten simulated drives of five minutes of each kind: sums of their squares, against chi-square of 10 (0.1 % is
 /// above 29.6 and 0.1 % below 1.48), and the mean of all thirty, against 3.3 of its standard errors. A filter that is told zero
 /// velocities has a mean of −1.4 sigmas on the gentle drives.
 #[test]
 fn the_filter_finds_simulated_offsets_with_an_honest_sigma() {
     let offsets = [-1.0, -0.3, -0.2, -0.1, 0.0, 0.05, 0.1, 0.2, 0.3, 1.0];
-    let kinds: [(&str, fn(f64) -> Scenario, f64); 3] = [
+    let kinds: [(&str, Drive, f64); 3] = [
         ("town", town_drive, 0.01),
         ("plain", plain_drive, 0.01),
         ("gentle", gentle_drive, 0.04),

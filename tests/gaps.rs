@@ -5,7 +5,6 @@ use insnav::attitude::{Euler, log_level, wrap_angle};
 use insnav::config::{Config, VehicleKind};
 use insnav::imu::ImuGrade;
 use insnav::navigator::{Navigator, longest_bridged};
-use insnav::sample::Sample;
 use insnav::sim::{Scenario, Simulation, Source, Stream};
 use insnav::solution::{Epoch, Event, Sink};
 use insnav::time::Time;
