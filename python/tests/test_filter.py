@@ -166,7 +166,8 @@ def turned(eskf: Eskf, p: np.ndarray, dx: np.ndarray) -> np.ndarray:
     c, s = np.cos(dx[at + 2]), np.sin(dx[at + 2])
     turn = np.eye(len(p))
     turn[at : at + 2, at : at + 2] = [[c, -s], [s, c]]
-    return turn @ p @ turn.T
+    after: np.ndarray = turn @ p @ turn.T
+    return after
 
 
 @pytest.mark.parametrize("name", MEASUREMENTS)
