@@ -190,24 +190,30 @@ fn sizes_that_do_not_fit() {
 #[test]
 fn starts_from_which_no_gain_follows() {
     let y = record(&channel(), &[1e-3, 1e-5], &[1.0], 2000, 1);
-    for start in [
-        [1e-3, 1e-5, 0.0],
-        [1e-3, 1e-5, -1.0],
-        [0.0, 0.0, 1.0],
-        [f64::NAN, 1e-5, 1.0],
-    ] {
-        let refused = als_estimate(
+    let from = |start: [f64; 3]| {
+        als_estimate(
             &[&y],
             &channel(),
             &Basis::diagonal(2, 1),
             &start,
             &Default::default(),
-        );
+        )
+    };
+    for start in [[1e-3, 1e-5, 0.0], [0.0, 0.0, 1.0]] {
+        let refused = from(start);
         assert!(
             matches!(
                 refused,
                 Err(Refusal::NoStationaryFilter { .. } | Refusal::Unstable { .. })
             ),
+            "{start:?}: {refused:?}"
+        );
+    }
+    // No variances at all.
+    for start in [[1e-3, 1e-5, -1.0], [f64::NAN, 1e-5, 1.0]] {
+        let refused = from(start);
+        assert!(
+            matches!(refused, Err(Refusal::Setting { what: "start", .. })),
             "{start:?}: {refused:?}"
         );
     }
