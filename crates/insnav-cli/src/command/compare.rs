@@ -202,6 +202,7 @@ impl Compare {
             remove_mounting: self.remove_mounting,
             align_earth: self.align_earth,
             course: self.course,
+            among_others: self.solution.is_dir(),
         };
         let judged = judge(solution, reference, &request)?;
         let mut row = Row {

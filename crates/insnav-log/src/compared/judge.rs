@@ -28,6 +28,8 @@ pub struct JudgeRequest {
     pub align_earth: bool,
     /// See [`CompareOptions::course`].
     pub course: bool,
+    /// One of many: where there is nothing to compare, that is a warning, and the others are compared.
+    pub among_others: bool,
 }
 
 /// What came of it, with the keys of the command's JSON.
@@ -45,7 +47,7 @@ pub struct Judged {
     pub series: Vec<ErrorInstant>,
 }
 
-/// Compare. Without an instant in common, or a quantity, this is a [`Problem`] that tells what both have.
+/// Compare. Without an instant in common, or a quantity (of one alone), this is a [`Problem`] that tells what both have.
 pub fn judge(
     solution: ComparedSolution,
     reference: ComparedReference,
@@ -110,6 +112,7 @@ pub fn judge(
         ));
     }
     let series = error_series(&solution.track, &reference.points, &options);
+    let mut empty = None;
     if !series.iter().any(|instant| has_an_error(&instant.error)) {
         let points = solution.track.points();
         let of_solution = quantities([
@@ -123,20 +126,29 @@ pub fn judge(
             points.iter().any(|p| p.velocity_n.is_some()),
             points.iter().any(|p| p.attitude != AttitudeReference::None),
         ]);
-        return Err(Problem::new(
-            "nothing_to_compare",
-            format!(
+        empty = Some(Warning {
+            code: "nothing_to_compare",
+            message: format!(
                 "nothing that {} has is in {}, at any of the {} instants that they have in common: the solution has {of_solution}, \
                  the reference {of_reference}",
                 request.solution_name, request.reference_name, comparison.all.count,
             ),
-            "give the reference a quantity that the solution has: a whole position, a velocity or an attitude",
-        ));
+            remedy: "give the reference a quantity that the solution has: a whole position, a velocity or an attitude".into(),
+        });
     }
+    let empty = match empty {
+        Some(told) if !request.among_others => {
+            return Err(Problem::new(told.code, told.message, told.remedy));
+        }
+        empty => empty,
+    };
     let doubts = doubts(&request.solution_name, &comparison);
     Ok(Judged {
         reference_at_antenna: reference.at_antenna,
-        warnings: reference.warnings.into_iter().chain(doubts).collect(),
+        warnings: (reference.warnings.into_iter())
+            .chain(doubts)
+            .chain(empty)
+            .collect(),
         comparison,
         series,
     })

@@ -122,6 +122,7 @@ pub(crate) fn compare<'py>(
         remove_mounting,
         align_earth,
         course,
+        among_others: false,
     };
     // Numbers are copied here, where Python has them; all that is made of them needs no interpreter.
     let mut fixes = None;
