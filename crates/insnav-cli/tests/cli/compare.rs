@@ -225,3 +225,35 @@ fn a_table_without_anything_to_compare_names_what_would_do() {
         "{message}"
     );
 }
+
+/// Alone it is an error; among others it costs itself only.
+#[test]
+fn a_reference_of_nothing_is_told_among_others() {
+    let folder = prepared(0.0);
+    for name in ["solutions", "references"] {
+        std::fs::create_dir_all(folder.path(name)).unwrap();
+    }
+    for name in ["drive", "other"] {
+        let target = folder.path(&format!("solutions/{name}.insnav.mcap"));
+        std::fs::copy(folder.path("drive.insnav.mcap"), target).unwrap();
+    }
+    std::fs::copy(
+        folder.path("drive.truth.csv"),
+        folder.path("references/drive.csv"),
+    )
+    .unwrap();
+    let mut nothing = String::from("t_s,qw,qx,qy,qz\n");
+    for second in 10..20 {
+        nothing += &format!("{second},nan,nan,nan,nan\n");
+    }
+    std::fs::write(folder.path("references/other.csv"), nothing).unwrap();
+
+    let (a, b) = (folder.text("solutions"), folder.text("references"));
+    let done = insnav_json(["compare", &a, &b]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let rows = done.json()["rows"].clone();
+    assert!(rows[0]["all"]["horizontal_rms_m"].is_number(), "{rows}");
+    assert_eq!(rows[0]["warnings"], serde_json::json!([]), "{rows}");
+    assert_eq!(rows[1]["warnings"][0]["code"], "nothing_to_compare");
+    compare(&folder, "references/other.csv", &[]).failed(1, "nothing_to_compare");
+}
