@@ -139,19 +139,28 @@ def test_a_solution_in_memory_knows_what_was_withheld(drive: Simulation, tmp_pat
     assert outage.summary["withhold"] == "80:90"
     by_file, by_columns = insnav.compare(path, drive.truth).summary, insnav.compare(outage, drive.truth).summary
     assert by_columns["withheld"] == by_file["withheld"] and by_columns["withheld"]["count"] > 50
-    # Single fixes, likewise: those that went through the file, a dataset or a pickle, and those that did not.
+    # Single fixes, likewise: those that went through the file or a pickle, and those that did not.
     path = tmp_path / "singly.mcap"
     singly = insnav.run(drive.arrays, CONFIG, start=drive.start, withhold="every:3", output=path)
     assert len(singly.withheld) == singly.summary["withheld"] > 40
     said = insnav.compare(path, drive.truth).summary["withheld"]
     assert said["count"] > 40
-    for kept in (singly, insnav.read_solution(path), pickle.loads(pickle.dumps(singly)), insnav.Solution.from_xarray(singly.to_xarray())):
+    for kept in (singly, insnav.read_solution(path), pickle.loads(pickle.dumps(singly))):
         assert insnav.compare(kept, drive.truth).summary["withheld"] == said
-    # A data frame has no place for them, which is told.
+    assert "withhold" not in insnav.run(drive.arrays, CONFIG, start=drive.start).summary
+
+
+def test_a_dataset_keeps_what_was_withheld_and_a_frame_tells_that_it_does_not(drive: Simulation) -> None:
+    pytest.importorskip("pandas")
+    pytest.importorskip("xarray")
+    singly = insnav.run(drive.arrays, CONFIG, start=drive.start, withhold="every:3")
+    said = insnav.compare(singly, drive.truth).summary["withheld"]
+    assert said["count"] > 40
+    dataset = insnav.Solution.from_xarray(singly.to_xarray())
+    assert insnav.compare(dataset, drive.truth).summary["withheld"] == said
     frame = insnav.Solution.from_pandas(singly.to_pandas(), summary=singly.summary)
     with pytest.warns(insnav.InsnavWarning, match="every:3"):
         assert insnav.compare(frame, drive.truth).summary["withheld"]["count"] == 0
-    assert "withhold" not in insnav.run(drive.arrays, CONFIG, start=drive.start).summary
 
 
 def test_the_imu_clock_is_put_right(drive: Simulation) -> None:
