@@ -34,7 +34,7 @@ const OPEN: f64 = 0.5;
 /// Seconds to add to IMU stamps so that they meet the clock of GNSS positions, by runs of the navigator.
 ///
 /// First the clock offset is a state of the filter, which runs again from what it found until nothing moves: a filter that is
-/// linear about an offset of 0.3 s is wrong by 0.01 s. Then it runs with the offset fixed, there and [`STEP`] to either side. The
+/// linear about an offset of 0.3 s is wrong by 0.01 s. Then it runs with the offset fixed, there and a twentieth of a second to either side. The
 /// misfit is that of all innovations (NIS, clipped); its parabola through the three gives the offset, and the scatter of its slope
 /// between spans of 5 s against its curvature the sigma (sandwich estimate, \[White82\]). Unlike [`super::imu_offset`] it carries
 /// attitude and biases through the whole log and uses velocities, which helps where motion is gentle, the log short or positions
